@@ -16,7 +16,7 @@ from thesis_lib.effects.linear_drag import LinearDrag
 from thesis_lib.effects.marker_offset import MarkerOffset
 from thesis_lib.extensions.contract import outcomes
 from thesis_lib.extensions.effect_contract import EFFECT_CHECKS, checks_of
-from thesis_lib.extensions.effect_in_space import SPACE_EFFECT_CHECKS, _embedded, _of_state, _tilted
+from thesis_lib.extensions.effect_in_space import EMBEDDED, SPACE_EFFECT_CHECKS, _of_state
 from thesis_lib.extensions.effect_probe import BOX, MOMENTS, TAU, predict, random_states, tumbling_boxes
 from thesis_lib.mechanics.contact import contact
 from thesis_lib.mechanics.space import SPACE, of_rotation_vector
@@ -85,10 +85,10 @@ def test_a_motion_in_a_plane_of_space_is_predicted_as_in_the_plane(name, of_plan
     # the camera sees the plane
     level = replace(ELLIPSOID, world=of_rotation_vector(np.array([-0.5 * np.pi, 0.0, 0.0])))
     flat = predict([(effect, of_plane)], states, ELLIPSE, TAU)
-    deep = predict([(effect, in_space)], _of_state(states, _embedded, _tilted), level, TAU)
+    deep = predict([(effect, in_space)], _of_state(states, EMBEDDED), level, TAU)
     without = predict([], states, ELLIPSE, TAU)
     for channel in effect.channels:
-        expected = flat[channel] if channel == "touch" else _embedded(flat[channel].T).T
+        expected = flat[channel] if channel == "touch" else (EMBEDDED[0] @ flat[channel].T).T
         # a bent flight is a difference quotient
         np.testing.assert_allclose(deep[channel], expected, atol=max(near, 1e-5) if channel == "flight" else near)
         assert np.abs(flat[channel] - without[channel]).max() > 5.0 * near

@@ -1,23 +1,10 @@
 """The library is as it was after each test; a folder with a user's file."""
 
-from collections.abc import Iterator
 from pathlib import Path
 
 import own_files
 import pytest
-
-from thesis_lib.contact import LAWS
-from thesis_lib.effects import EFFECTS
-from thesis_lib.extensions import registry
-
-
-@pytest.fixture(autouse=True)
-def library() -> Iterator[None]:
-    kept = [(mapping, dict(mapping)) for mapping in (EFFECTS, LAWS, registry._ADDED)]
-    yield
-    for mapping, content in kept:  # in its order, which other tests see
-        mapping.clear()
-        mapping.update(content)
+from own_files import library  # noqa: F401 -- for all tests here
 
 
 @pytest.fixture

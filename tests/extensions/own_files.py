@@ -1,4 +1,22 @@
-"""Files of a user, as text."""
+"""Files of a user, as text, and a library without what tests add to it."""
+
+from collections.abc import Iterator
+
+import pytest
+
+from thesis_lib.contact import LAWS
+from thesis_lib.effects import EFFECTS
+from thesis_lib.extensions import registry
+
+
+@pytest.fixture(autouse=True)
+def library() -> Iterator[None]:
+    kept = [(mapping, dict(mapping)) for mapping in (EFFECTS, LAWS, registry._ADDED)]
+    yield
+    for mapping, content in kept:  # in its order, which other tests see
+        mapping.clear()
+        mapping.update(content)
+
 
 EFFECT = '''
 """Slip-dependent restitution.

@@ -9,10 +9,11 @@ from pathlib import Path
 import own_files
 import pytest
 
+from tests.critique.simulation.saved_models import model_of
 from thesis_lib.contact import CANDIDATE_LAWS, LAWS
 from thesis_lib.critique.contacts.bases import BASES
 from thesis_lib.critique.results.load_model import load_model
-from thesis_lib.critique.results.saved_model import SavedModel, changed_code
+from thesis_lib.critique.results.saved_model import changed_code
 from thesis_lib.effects import EFFECTS
 from thesis_lib.effects.effect import FAMILIES
 from thesis_lib.extensions.loading import installed, load, read_file
@@ -36,6 +37,13 @@ def written(folder: Path, text: str, name: str = "own.py") -> Path:
     path = folder / name
     path.write_text(text, encoding="utf-8")
     return path
+
+
+def package(folder: Path, name: str, version: str, points: str) -> None:
+    """What an installed package that offers `points` leaves in a folder of modules."""
+    written(folder / f"{name}-{version}.dist-info", points, "entry_points.txt")
+    head = f"Metadata-Version: 2.1\nName: {name.replace('_', '-')}\nVersion: {version}\n"
+    written(folder / f"{name}-{version}.dist-info", head, "METADATA")
 
 
 def test_a_file_joins_the_library_in_its_order_with_its_origin(own_effect):
@@ -90,11 +98,8 @@ def test_nothing_runs_out_of_a_folder_with_data(tmp_path, marker):
 
 
 def test_a_folder_in_which_a_command_is_started_installs_nothing(tmp_path, monkeypatch):
-    info = tmp_path / "evil-1.0.dist-info"
-    info.mkdir()
-    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: evil\nVersion: 1.0\n")
-    (info / "entry_points.txt").write_text("[thesis_lib.effects]\nevil = evil_module\n")
-    (tmp_path / "evil_module.py").write_text(own_files.EFFECT, encoding="utf-8")
+    package(tmp_path, "evil", "1.0", "[thesis_lib.effects]\nevil = evil_module\n")
+    written(tmp_path, own_files.EFFECT, "evil_module.py")
     monkeypatch.setattr(sys, "path", [str(tmp_path), *sys.path])
     (found,) = installed()  # from any other folder it is a package like others
     assert found.origin.package == "evil"
@@ -106,11 +111,8 @@ def test_a_folder_in_which_a_command_is_started_installs_nothing(tmp_path, monke
 
 
 def test_an_installed_package_adds_effects_and_laws_with_its_name(tmp_path, monkeypatch):
-    info = tmp_path / "drop_effects-1.2.dist-info"
-    info.mkdir()
-    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: drop-effects\nVersion: 1.2\n")
     points = "[thesis_lib.effects]\nslip = drop_effects.slip:EFFECT\n[thesis_lib.laws]\nlaw = drop_effects.law\n"
-    (info / "entry_points.txt").write_text(points)
+    package(tmp_path, "drop_effects", "1.2", points)
     written(tmp_path / "drop_effects", "", "__init__.py")
     written(tmp_path / "drop_effects", own_files.EFFECT, "slip.py")
     written(tmp_path / "drop_effects", own_files.LAW, "law.py")
@@ -189,22 +191,9 @@ def test_names_that_mean_something_else_are_those_of_the_critique():
 
 # --- saved models ---
 
-MODEL = {
-    "schema": 1,
-    "law": "mirtich",
-    "effects": [NAME],
-    "parameters": {
-        "mu": {"value": 0.15, "unit": "1"},
-        "epsilon": {"value": 0.55, "unit": "1"},
-        f"{NAME}.h": {"value": -0.08, "unit": "s/m"},
-    },
-    "rig": {
-        "shape": {"kind": "ellipse", "semi_axes": [0.035, 0.025]},
-        "radius_of_gyration": 0.0192,
-        "gravity": 9.81,
-        "height": 0.0,
-    },
-}
+LIBRARY_MODEL = model_of(mu=0.15, epsilon=0.55, law="mirtich")
+MODEL = LIBRARY_MODEL.model_dump(mode="json", by_alias=True) | {"effects": [NAME]}
+MODEL["parameters"][f"{NAME}.h"] = {"value": -0.08, "unit": "s/m"}
 
 
 def test_a_model_whose_effect_is_not_loaded_says_which_and_how_to_load_it(tmp_path, own_effect):
@@ -246,9 +235,6 @@ def test_a_model_cannot_tell_a_user_to_load_something_from_anywhere(tmp_path, or
 
 
 def test_a_model_of_the_library_alone_is_written_as_ever(tmp_path):
-    model = SavedModel.model_validate(
-        MODEL | {"effects": [], "parameters": dict(list(MODEL["parameters"].items())[:2])}
-    )
-    model.save(tmp_path / "model.json")
+    LIBRARY_MODEL.save(tmp_path / "model.json")
     assert "origins" not in json.loads((tmp_path / "model.json").read_text())
-    assert load_model(tmp_path / "model.json") == model
+    assert load_model(tmp_path / "model.json") == LIBRARY_MODEL

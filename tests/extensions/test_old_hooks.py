@@ -2,32 +2,12 @@
 
 import re
 
+import own_files
 import pytest
 
 from thesis_lib.extensions.loading import load
 from thesis_lib.foundation.errors import UserError
 
-HEAD = '''"""Old.
-
-| on paper | in code | unit | shape |
-|----------|---------|------|-------|
-| h        | `h`     | 1    |       |
-"""
-import numpy as np
-
-from thesis_lib.effects.effect import Effect, Impulse, Parameter
-
-
-class Old(Effect):
-    name = "{name}"
-    family = "{family}"
-    title = "old"
-    equation = "old"
-    reference = "none"
-    parameters = (Parameter("h", "1", null=0.0, low=-0.5, high=0.5, scale=0.1),)
-    {more}
-
-'''
 HOOKS = {
     "coefficients": (
         "",
@@ -65,9 +45,13 @@ HOOKS = {
 
 
 def text_of(hook: str, name: str, code: str) -> str:
+    """A file of a user with this hook instead of its own."""
     more, _ = HOOKS[hook]
-    family = "flight" if hook == "acceleration" else "contact_law"
-    return HEAD.format(name=name, family=family, more=more) + code + "\n\nEFFECT = Old()\n"
+    head = own_files.EFFECT.partition("    def ")[0].replace("slip_dependent_restitution", name)
+    head = head.replace("import Effect,", "import Effect, Impulse,")
+    if hook == "acceleration":
+        head = head.replace("contact_law", "flight")
+    return f"{head}    {more}\n\n{code}\n\nEFFECT = SlipDependentRestitution()\n"
 
 
 @pytest.mark.parametrize("hook", HOOKS)
@@ -75,7 +59,7 @@ def test_the_error_shows_the_hook_rewritten_and_that_runs(hook: str, tmp_path) -
     path = tmp_path / "old.py"
     path.write_text(text_of(hook, f"old_{hook}", HOOKS[hook][1]), encoding="utf-8")
     with pytest.raises(UserError, match="earlier version") as raised:
-        load([path], say=lambda text: None, packages=False)
+        load([path], say=lambda text: None)
     shown = re.search(r"in their place:\n\n(.*)\n\n?", str(raised.value), re.S)
     assert shown and shown.group(1).startswith("def ")
     code = shown.group(1).split("\n. python -m")[0]
@@ -83,5 +67,5 @@ def test_the_error_shows_the_hook_rewritten_and_that_runs(hook: str, tmp_path) -
         assert "axis" not in code
     indented = "\n".join(f"    {line}" if line else line for line in code.strip().split("\n")) + "\n"
     path.write_text(text_of(hook, f"old_{hook}_again", indented), encoding="utf-8")
-    loaded = load([path], say=lambda text: None, packages=False)
+    loaded = load([path], say=lambda text: None)
     assert any(entry["name"] == f"old_{hook}_again" for entry in loaded)

@@ -22,6 +22,17 @@ SECTION = Rig(Polygon(vertices=_SIDES), float(np.sqrt(MOMENTS[1, 1])), 9.81, 0.2
 ANGLE = 0.7  # rad, about the vertical
 _ABOUT = np.array([[np.cos(ANGLE), -np.sin(ANGLE), 0.0], [np.sin(ANGLE), np.cos(ANGLE), 0.0], [0.0, 0.0, 1.0]])
 Made = dict[str, object]
+# what carries motions elsewhere, (6, d + turns), and the attitude (4, n) of states there
+Move = tuple[np.ndarray, Callable[[State], np.ndarray]]
+# from the plane into the plane x, z of space: counter-clockwise is about −y there
+EMBEDDED: Move = (
+    np.array([[1, 0, 0], [0, 0, 0], [0, 1, 0], [0, 0, 0], [0, 0, -1], [0, 0, 0]], float),
+    lambda state: of_rotation_vector(np.outer([0.0, -1.0, 0.0], state.theta)),
+)
+ABOUT_VERTICAL: Move = (
+    np.kron(np.eye(2), _ABOUT),
+    lambda state: SPACE.attitude_after(state.attitude, np.outer([0.0, 0.0, ANGLE], np.ones(len(state)))),
+)
 
 
 def has_the_plane_as_a_case(effect: Effect) -> str:
@@ -34,8 +45,8 @@ def has_the_plane_as_a_case(effect: Effect) -> str:
         of_plane = {q.name: of_plane[q.name] if q.name in seen else q.null for q in effect.parameters}
     p = values_in_space(effect, of_plane)
     flat = _sliding()
-    expected = _carried(_made(effect, of_plane, SECTION, flat), _embedded, _tilted)
-    made = _made(effect, p, BOX, _of_state(flat, _embedded, _tilted))
+    expected = _carried(_made(effect, of_plane, SECTION, flat), EMBEDDED)
+    made = _made(effect, p, BOX, _of_state(flat, EMBEDDED))
     return _differs(made, expected, "for a motion in a plane of space {} differs from that in the plane: it")
 
 
@@ -54,8 +65,8 @@ def knows_no_horizontal_direction(effect: Effect) -> str:
         sin, cos = np.sin(times * ANGLE), np.cos(times * ANGLE)
         p_there[one], p_there[other] = cos * p[one] - sin * p[other], sin * p[one] + cos * p[other]
     there = replace(RECORDED_BOX, world=multiplied(np.asarray(RECORDED_BOX.world), back), recorded=recorded)
-    turned = _made(effect, p_there, there, _of_state(states, _about_vertical, _attitude_about))
-    expected = _carried(_made(effect, p, RECORDED_BOX, states), _about_vertical, _attitude_about)
+    turned = _made(effect, p_there, there, _of_state(states, ABOUT_VERTICAL))
+    expected = _carried(_made(effect, p, RECORDED_BOX, states), ABOUT_VERTICAL)
     return _differs(turned, expected, "turned about the vertical, {}")
 
 
@@ -94,51 +105,24 @@ def _sliding() -> State:
     return State.planar(rng.uniform(-0.3, 0.3, N), y, theta, *v, np.arange(N), rng.uniform(0.1, 1.0, N))
 
 
-# what carries motions elsewhere, (d + turns, n) to (6, n), and the attitude (4, n) of states there
-Twist = Callable[[np.ndarray], np.ndarray]
-Attitude = Callable[[State], np.ndarray]
+def _of_state(state: State, move: Move) -> State:
+    twist, attitude = move
+    pose = np.concatenate([twist[:3, : len(state.position)] @ state.position, attitude(state)])
+    return State(pose, twist @ state.motion, state.trial, state.t, space=SPACE)
 
 
-def _embedded(twist: np.ndarray) -> np.ndarray:
-    """From the plane into the plane x, z of space: counter-clockwise is about −y there."""
-    none = np.zeros(twist.shape[1])
-    return np.stack([twist[0], none, twist[1], none, -twist[2], none])
-
-
-def _tilted(state: State) -> np.ndarray:
-    return of_rotation_vector(np.outer([0.0, -1.0, 0.0], state.theta))
-
-
-def _about_vertical(twist: np.ndarray) -> np.ndarray:
-    return np.concatenate([_ABOUT @ twist[:3], _ABOUT @ twist[3:]])
-
-
-def _attitude_about(state: State) -> np.ndarray:
-    return SPACE.attitude_after(state.attitude, np.outer([0.0, 0.0, ANGLE], np.ones(len(state))))
-
-
-def _vector(u: np.ndarray, twist: Twist) -> np.ndarray:
-    """A vector (d, n), carried elsewhere."""
-    return twist(np.concatenate([u, np.zeros((2 * len(u) - 3, u.shape[1]))]))[:3]
-
-
-def _of_state(state: State, twist: Twist, attitude: Attitude) -> State:
-    pose = np.concatenate([_vector(state.position, twist), attitude(state)])
-    return State(pose, twist(state.motion), state.trial, state.t, space=SPACE)
-
-
-def _carried(made: Made, twist: Twist, attitude: Attitude) -> Made:
+def _carried(made: Made, move: Move) -> Made:
     """Results of the hooks, carried elsewhere."""
-    found: Made = {}
+    found, (twist, _) = dict(made), move
     for hook, value in made.items():
         if isinstance(value, State):
-            value = _of_state(value, twist, attitude)
+            found[hook] = _of_state(value, move)
         elif isinstance(value, Impulse):
-            both = twist(np.concatenate([np.array(value.c), np.atleast_2d(value.couple)]))
-            value = Impulse(both[:3], both[3:])
+            both = twist @ np.concatenate([np.array(value.c), np.atleast_2d(value.couple)])
+            found[hook] = Impulse(both[:3], both[3:])
         elif hook == "contact_point":
-            value = _vector(np.asarray(value), twist)
+            r = np.asarray(value)
+            found[hook] = twist[:3, : len(r)] @ r
         elif hook in ("meet", "acceleration", "arc"):
-            value = twist(np.asarray(value))
-        found[hook] = value
+            found[hook] = twist @ np.asarray(value)
     return found

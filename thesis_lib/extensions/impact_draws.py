@@ -99,11 +99,7 @@ def reference_draw_in_space(rng: np.random.Generator, n: int, *, central: bool =
 
 def size(components: Sequence[np.ndarray] | np.ndarray) -> np.ndarray:
     """Length (n,) of vectors by component, (d, n) or d of (n,)."""
-    first, *others = components
-    length = np.abs(first)
-    for other in others:
-        length = np.hypot(length, other)
-    return length
+    return np.hypot.reduce(np.abs(components))
 
 
 def violation(promise: Promise, law: Law, draw: ImpactDraws, central: ImpactDraws, factor: np.ndarray) -> np.ndarray:

@@ -45,21 +45,18 @@ REQUIRED = {"EFFECT": ("name", "family", "title", "equation", "parameters"), "LA
 Say = Callable[[str], None]
 
 
-def load(
-    files: Iterable[str | Path] = (), *, data: Iterable[str | Path] = (), say: Say, packages: bool = True
-) -> list[dict[str, str]]:
+def load(files: Iterable[str | Path] = (), *, data: Iterable[str | Path] = (), say: Say) -> list[dict[str, str]]:
     """Add what installed packages offer, and what files hold, to the library; for JSON: all that was added.
 
     Args:
         files: paths of Python files.
         data: files must not lie in these folders, either.
         say: called with what a user should know before it happens.
-        packages: whether installed packages are asked.
 
     Raises:
         UserError: a file that is none, lies in a folder with data, fails, holds no effect or law, or breaks a contract.
     """
-    for loaded in (*(installed() if packages else ()), *(read_file(path, data=data, say=say) for path in files)):
+    for loaded in (*installed(), *(read_file(path, data=data, say=say) for path in files)):
         require_contracts(loaded)
         add(loaded)
     return contents()

@@ -39,6 +39,7 @@ from thesis_lib.effects.effect import Rig
 from thesis_lib.engines.bullet_engine import PACKAGE
 from thesis_lib.engines.engine import impacts
 from thesis_lib.engines.mujoco_engine import STEPS, MujocoEngine
+from thesis_lib.extensions.effect_probe import random_states
 from thesis_lib.figures.critique.pictures import draw_models
 from thesis_lib.foundation.columns import explain
 from thesis_lib.foundation.errors import UserError
@@ -65,12 +66,8 @@ VALUES = {"mu": 0.2, "epsilon": 0.6, "damping_ratio": 10.0, "impedance": 0.9}
 OFFSET = 1e-3  # m
 
 
-def at_touch(n: int, seed: int = 0) -> State:
-    rng = np.random.default_rng(seed)
-    theta = rng.uniform(-np.pi, np.pi, n)
-    r = ELLIPSE_BODY.shape.contact_point(theta)
-    v = np.column_stack([rng.uniform(-1.0, 1.0, n), rng.uniform(-3.0, -1.0, n), rng.uniform(-8.0, 8.0, n)])
-    return State.of(np.column_stack([np.zeros(n), -r[:, 1], theta]), v, np.arange(n), np.zeros(n))
+def at_touch(n: int) -> State:
+    return random_states(RIG, n, np.random.default_rng(0))
 
 
 def model_of(engine: str, *effects: str) -> Model:
@@ -294,7 +291,6 @@ def test_engines_that_made_up_for_a_hidden_cause_are_told():
     assert alone.endswith("by a factor of 4: 0.2 in MuJoCo and 0.05 in Drake, point contact.")
     assert third == "Drake, point contact cannot have wear, and is fitted without."
     assert "cannot be told from it" in model_sentences(made_up(behind_low=-0.001))[0]
-    assert set(STAND_INS) == {"mujoco", "drake", "drake_hydroelastic", "bullet"}
 
 
 def test_bullet_is_optional_and_told_how_to_install(monkeypatch, tmp_path, capsys):

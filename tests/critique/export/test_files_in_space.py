@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from engine_runs import by_drake, by_mujoco, inertia_in_drake, inertia_in_mujoco, plant_of, require_told
 
-from tests.critique.simulation.space_models import BOX, SPHERE, space_model
+from tests.critique.simulation.saved_models import BOX, SPHERE, space_model
 from thesis_lib.__main__ import main
 from thesis_lib.critique.contacts.episodes import play
 from thesis_lib.critique.export.export import exported, patched

@@ -9,7 +9,7 @@ import pytest
 from thesis_lib.critique.mechanisms import diagnosis
 from thesis_lib.critique.mechanisms.critique import MechanismCritique, criticise_mechanism, smallest_sizes
 from thesis_lib.critique.mechanisms.diagnosis import mechanism_diagnosis
-from thesis_lib.critique.mechanisms.effects import CANDIDATES, GRAVITY, PAYLOAD, MotionSteps
+from thesis_lib.critique.mechanisms.effects import CANDIDATES, GRAVITY, MotionSteps
 from thesis_lib.critique.mechanisms.model import BelievedArm, BelievedWheel
 from thesis_lib.critique.mechanisms.recovery import force_error, identify_parameters
 from thesis_lib.critique.mechanisms.settings import EquationWindowSettings, HiddenStudy, MechanismSettings
@@ -38,6 +38,13 @@ N_TRIALS, SNR = 9, 60.0
 FOUND = [(kind, truth) for kind in TRUTHS for truth in TRUTHS[kind] if truth not in ("nothing", "cogging")]
 
 
+def criticised(records, model, seed: int, snr: float = SNR, more: tuple = ()) -> MechanismCritique:
+    """Critique of what is measured of simulated trials, with the candidates of the mechanism and `more`."""
+    rng = np.random.default_rng(seed)
+    trials = measured(records, snr, rng, SETTINGS.windows)
+    return criticise_mechanism(trials, model, (*CANDIDATES[model.name], *more), rng, SETTINGS)
+
+
 @pytest.fixture(scope="module")
 def models():
     return {kind: believed(kind, BODIES, SIZES) for kind in TRUTHS}
@@ -56,10 +63,7 @@ def critiques(models, plans):
     def make(kind: str, truth: str) -> tuple[MechanismCritique, tuple]:
         if (kind, truth) not in made:
             records = run_with(kind, truth, plans[kind], BODIES, SIZES)
-            rng = np.random.default_rng(8)
-            trials = measured(records, SNR, rng, SETTINGS.windows)
-            found = criticise_mechanism(trials, models[kind], CANDIDATES[kind], rng, SETTINGS)
-            made[kind, truth] = (found, records)
+            made[kind, truth] = (criticised(records, models[kind], 8), records)
         return made[kind, truth]
 
     return make
@@ -80,10 +84,6 @@ def test_effects_without_normal_forces_do_not_see_them(kind, models, rng):
         force = effect.force(model, motion, p)
         other = effect.force(model, replace(motion, c_n=motion.c_n + 1.0), p)
         assert (force == other).all() != effect.needs_normal
-        # what is kept of one motion is not taken for another
-        anew = effect.force(model, MotionSteps(q, v, a, motion.c_n), p)
-        moved = effect.force(model, MotionSteps(q + 0.5, v + 0.5, a, motion.c_n), p)
-        assert (force == anew).all() and ((force != moved).any() or effect.name != PAYLOAD.name)
 
 
 def test_inverse_dynamics_of_the_arm_are_those_of_drake():
@@ -180,8 +180,8 @@ def test_forces_and_parameters_recover_with_the_effect(kind, truth, critiques, m
     found, records = critiques(kind, truth)
     exact = exact_form(records, models[kind], HiddenStudy())
     nothing = fit_effects(found.training, ())
-    before, *_ = force_error(exact, records[-1:], nothing)
-    after, *_ = force_error(exact, records[-1:], found.fitted)
+    before, *_ = force_error(exact, records[-1], nothing)
+    after, *_ = force_error(exact, records[-1], found.fitted)
     assert after < 0.05 * before
     identified = identify_parameters(found.training, found.fitted)
     true = models[kind].parameters
@@ -211,9 +211,7 @@ def test_arm_has_the_six_base_parameters_of_the_thesis(critiques):
 @pytest.mark.parametrize("kind", TRUTHS)
 @pytest.mark.parametrize("seed", [11, 12, 13])
 def test_nothing_hidden_is_adequate(kind, seed, models, plans):
-    rng = np.random.default_rng(seed)
-    trials = measured(plans[kind], SNR, rng, SETTINGS.windows)
-    found = criticise_mechanism(trials, models[kind], CANDIDATES[kind], rng, SETTINGS)
+    found = criticised(plans[kind], models[kind], seed)
     assert found.verdict == "adequate" and found.steps == ()
 
 
@@ -227,12 +225,10 @@ def test_candidates_with_one_signature_are_named_together(models, plans):
     """A conveyor's steady push on the disk acts as gravity's horizontal part does: nothing can tell them apart."""
     twin = replace(GRAVITY, name="twin", title="the same force under another name")
     records = run_with("wheel", "gravity_direction", plans["wheel"], BODIES, SIZES)
-    rng = np.random.default_rng(3)
-    trials = measured(records, 40.0, rng, SETTINGS.windows)
-    found = criticise_mechanism(trials, models["wheel"], (*CANDIDATES["wheel"], twin), rng, SETTINGS)
+    found = criticised(records, models["wheel"], 3, 40.0, (twin,))
     assert set(found.first_group) == {"gravity_direction", "twin"}
     assert is_right("gravity_direction", found)
-    d = mechanism_diagnosis(found, "wheel", rng)
+    d = mechanism_diagnosis(found, "wheel", np.random.default_rng(0))
     (effect,) = d["effects"]
     other = effect["indistinguishable_from"][0]
     assert effect["cosines"][other] == pytest.approx(1.0)
@@ -243,9 +239,7 @@ def test_candidates_with_one_signature_are_named_together(models, plans):
 def test_an_effect_shows_from_the_smallest_size_on(times, verdict, critiques, models, plans):
     smallest = smallest_sizes(critiques("wheel", "nothing")[0])["payload"]["m_p"]
     records = run_with("wheel", "payload", plans["wheel"], BODIES, HiddenSizes(wheel_payload=times * smallest))
-    rng = np.random.default_rng(4)
-    trials = measured(records, SNR, rng, SETTINGS.windows)
-    found = criticise_mechanism(trials, models["wheel"], CANDIDATES["wheel"], rng, SETTINGS)
+    found = criticised(records, models["wheel"], 4)
     assert found.verdict == verdict
     assert found.below in (("payload", "") if verdict == "adequate" else ("",))
 

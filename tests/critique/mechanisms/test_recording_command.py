@@ -6,7 +6,6 @@ from pathlib import Path
 import pytest
 
 from thesis_lib.__main__ import main
-from thesis_lib.report.critique.whole_folder import is_unfinished, whole_folder
 
 FILES = {
     *("diagnosis.json", "report.html", "misfit.csv"),
@@ -62,39 +61,6 @@ def test_the_hidden_cause_of_an_arm_is_named(tmp_path, capsys):
     assert [effect["name"] for effect in content["effects"]] == ["viscous_joint_friction"]
 
 
-def test_a_run_that_fails_while_writing_leaves_an_earlier_one_whole(wheel, run_folder, monkeypatch):
-    before = contents(run_folder)
-
-    def fail(*args):
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr("thesis_lib.report.critique.mechanisms.mechanism_page", fail)
-    assert main(["critique", str(wheel), "-o", str(run_folder), "--seed", "1"]) == 130
-    assert contents(run_folder) == before and not is_unfinished(run_folder)
-    assert [path.name for path in run_folder.parent.iterdir()] == ["run"]
-
-
-def test_a_run_that_is_killed_while_moving_its_files_in_is_seen_as_unfinished(wheel, tmp_path, monkeypatch):
-    out, move = tmp_path / "run", Path.replace
-
-    def killed(self, target):
-        if Path(target) == out / "report.html":
-            raise KeyboardInterrupt
-        return move(self, target)
-
-    monkeypatch.setattr(Path, "replace", killed)
-    assert main(["critique", str(wheel), "-o", str(out)]) == 130
-    assert is_unfinished(out)
-
-
-def test_files_of_an_earlier_critique_that_this_one_does_not_make_are_removed(tmp_path):
-    for name in ("models.csv", "models.png", "budget.pdf", "model.json", "notes.csv"):
-        (tmp_path / name).touch()
-    with whole_folder(tmp_path) as part:
-        (part / "diagnosis.json").write_text("{}")
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["diagnosis.json", "notes.csv"]
-
-
 def test_only_the_effects_that_are_asked_for_are_tried(wheel, tmp_path, capsys):
     command = ["critique", str(wheel), "-o", str(tmp_path), "-q", "--effect"]
     assert main([*command, "rolling_resistance", "--json"]) == 0
@@ -118,17 +84,8 @@ def test_runs_of_one_mechanism_are_compared_and_of_two_are_not(wheel, run_folder
 def test_a_batch_mixes_drops_and_recordings(wheel, tmp_path, capsys):
     (tmp_path / "empty").mkdir()
     (tmp_path / "empty" / "dataset.yaml").write_text("schema: 1")
-    command = [
-        "critique",
-        "--batch",
-        str(wheel),
-        str(tmp_path / "empty"),
-        "-o",
-        str(tmp_path / "out"),
-        "-q",
-        "--jobs",
-        "1",
-    ]
+    folders = [str(wheel), str(tmp_path / "empty")]
+    command = ["critique", "--batch", *folders, "-o", str(tmp_path / "out"), "-q", "--jobs", "1"]
     assert main(command) == 1
     batch = json.loads((tmp_path / "out" / "batch.json").read_text())
     first, second = batch["datasets"]

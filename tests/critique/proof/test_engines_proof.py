@@ -6,18 +6,6 @@ from thesis_lib.foundation.errors import UserError
 from thesis_lib.foundation.rows import STAMP
 from thesis_lib.studies.proof import engines, measured_models
 from thesis_lib.studies.proof.cases import BODIES
-from thesis_lib.studies.proof.engines import (
-    COLUMNS,
-    ENGINES,
-    MU,
-    ROWS,
-    TRUTHS,
-    EngineCase,
-    as_markdown,
-    cases,
-    compute,
-    make,
-)
 
 
 def row(engine="mujoco", truth="tilt", seed=1, **more):
@@ -34,34 +22,19 @@ def row(engine="mujoco", truth="tilt", seed=1, **more):
 
 
 def test_a_part_of_the_table_is_mixed_as_the_whole():
-    every = cases(5)
-    assert len(every) == len(set(every)) == 5 * len(ENGINES) * len(BODIES) * len(TRUTHS)
+    every = engines.cases(5)
+    assert len(every) == len(set(every)) == 5 * len(engines.ENGINES) * len(BODIES) * len(engines.TRUTHS)
     first = every[: len(every) // 5]
     assert {(c.engine, c.shape, c.truth) for c in first} == {(c.engine, c.shape, c.truth) for c in every}
 
 
-def test_rows_of_parallel_runs_are_kept_by_their_key(tmp_path):
-    store = ROWS.at(tmp_path / "proof" / "engines.csv")
-    for one in (row(seed=2), row(seed=1), row("drake"), row(seed=2, best="drake")):
-        store.put(one)
-    table = store.table()
-    assert table[["engine", "seed", "best"]].to_numpy().tolist() == [
-        ["drake", 1, "drake"],
-        ["mujoco", 1, "mujoco"],
-        ["mujoco", 2, "drake"],
-    ]
-    store.path.write_text("engine\nmujoco\n")
-    with pytest.raises(UserError, match=r"line 1, is not a row of this table.*does not have the columns"):
-        store.table()
-
-
 def test_shares_count_each_question(tmp_path):
-    store = ROWS.at(tmp_path / "engines.csv")
+    store = engines.ROWS.at(tmp_path / "engines.csv")
     with pytest.raises(UserError, match="holds no row"):
-        as_markdown(store)
+        engines.as_markdown(store)
     made = (row(), row(seed=2, best="drake", own=0.02), row("drake", ratio_before=1.02), row(seed=3, ratio_after=1.2))
     store.put(*made)
-    lines = as_markdown(store).splitlines()
+    lines = engines.as_markdown(store).splitlines()
     assert lines[2] == "| drake | tilt | 1 of 1 | 1 of 1 | 0 of 1 | 1 of 1 | 1 of 1 |"
     assert lines[3] == "| mujoco | tilt | 2 of 3 | 2 of 3 | 0 of 3 | 0 of 3 | 2 of 3 |"
     assert lines[4].startswith("| both | all | 3 of 4 (30 to 95 %) | 3 of 4 ")
@@ -71,16 +44,16 @@ def test_shares_count_each_question(tmp_path):
 @pytest.mark.slow
 def test_a_dataset_goes_through_critique_and_comparison_into_a_row(tmp_path, monkeypatch):
     monkeypatch.setattr(engines, "DROPS", 24)
-    computed = compute(EngineCase("mujoco", "ellipse", "nothing", 3))
-    assert (*computed, *STAMP) == COLUMNS
+    computed = engines.compute(engines.EngineCase("mujoco", "ellipse", "nothing", 3))
+    assert (*computed, *STAMP) == engines.COLUMNS
     assert computed["best"] == "mujoco" and computed["own"] < 2.0 * computed["floor"] < computed["other"]
-    assert abs(computed["mu"] - MU) < 5.0 * computed["mu_std"] and computed["ratio_before"] >= 1.0
+    assert abs(computed["mu"] - engines.MU) < 5.0 * computed["mu_std"] and computed["ratio_before"] >= 1.0
 
 
 @pytest.mark.slow
 def test_a_case_is_made_the_same_each_time_and_hides_its_cause():
     one, two, plain = (
-        make(EngineCase("mujoco", "ellipse", truth, 1), drops=4)
+        engines.make(engines.EngineCase("mujoco", "ellipse", truth, 1), drops=4)
         for truth in ("com_offset_x", "com_offset_x", "nothing")
     )
     assert one.digest() == two.digest() != plain.digest()

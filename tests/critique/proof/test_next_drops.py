@@ -11,26 +11,14 @@ from thesis_lib.report.critique.tables import states_table
 from thesis_lib.simulate.compliant.drops import simulate_compliant_drops
 from thesis_lib.simulate.rig.hidden_causes import ELLIPSE_BODY, CompliantContact
 from thesis_lib.studies.figures.curves import draw_next_drops
+from thesis_lib.studies.proof import next_drops
 from thesis_lib.studies.proof.cases import Case, make
-from thesis_lib.studies.proof.next_drops import (
-    FIRST,
-    SCATTER,
-    STEPS,
-    Launcher,
-    Question,
-    as_markdown,
-    ask,
-    plan,
-    read_answers,
-    run,
-    table_of,
-)
 
 STORED = 5  # questions, of the 20 that are wanted: `next` goes on
 NUMBERS = 1e-5  # relative: six digits are stored
 
 
-def example(question: Question, random: float, chosen: float, **more) -> dict:
+def example(question: next_drops.Question, random: float, chosen: float, **more) -> dict:
     settled = {"effect": "com_offset", "rival": "wrong_size", "apart": 1.5, "sigmas": 0.8, "random": random}
     return vars(question) | settled | {"chosen": chosen, "wrong_random": 0, "wrong_chosen": 0} | more
 
@@ -71,7 +59,7 @@ def test_a_launcher_meets_the_states_within_its_scatter() -> None:
     ]
     made = simulate_compliant_drops(
         ELLIPSE_BODY,
-        Launcher(wanted, ELLIPSE_BODY),  # pyright: ignore[reportArgumentType]
+        next_drops.Launcher(wanted, ELLIPSE_BODY),  # pyright: ignore[reportArgumentType]
         200,
         contact=CompliantContact(contact_time=2e-5),
         duration=0.5,
@@ -82,7 +70,7 @@ def test_a_launcher_meets_the_states_within_its_scatter() -> None:
     for turn, state in enumerate(wanted):
         met = first[first["trial"] % 2 == turn]
         assert len(met) == 100
-        for name, sigma in zip((*CHANNELS, "x"), SCATTER):
+        for name, sigma in zip((*CHANNELS, "x"), next_drops.SCATTER):
             if name not in state:
                 continue
             off = met[name if name in ("theta", "x") else f"{name}_pre"] - state[name]
@@ -104,22 +92,24 @@ def test_like_is_compared_with_like() -> None:
 
 
 def test_stored_questions_are_settled_with_half_as_many_drops() -> None:
-    answers = read_answers()
+    answers = next_drops.read_answers()
     of = answers.query("open")
     assert len(of) >= STORED
     assert of["chosen"].sum() <= 0.5 * of["random"].sum()
     assert (of["chosen"] / of["random"]).median() <= 0.5
     # in the order of the plan, none left out: nobody chose the questions
-    assert [Question(*key) for key in answers[["cause", "size", "seed"]].to_numpy()] == plan()[: len(answers)]
-    assert f"Of {len(answers)} datasets" in as_markdown(answers)
+    assert [next_drops.Question(*key) for key in answers[["cause", "size", "seed"]].to_numpy()] == next_drops.plan()[
+        : len(answers)
+    ]
+    assert f"Of {len(answers)} datasets" in next_drops.as_markdown(answers)
     _, table = draw_next_drops(answers)
     assert len(table) == len(of) and list(table["random"]) == sorted(table["random"])
 
 
 @pytest.mark.slow
 def test_a_stored_question_is_answered_the_same_again() -> None:
-    stored = read_answers().query("open").sort_values("random", kind="stable").iloc[0]
-    again = ask(Question(stored["cause"], stored["size"], int(stored["seed"])))
+    stored = next_drops.read_answers().query("open").sort_values("random", kind="stable").iloc[0]
+    again = next_drops.ask(next_drops.Question(stored["cause"], stored["size"], int(stored["seed"])))
     assert (again["effect"], again["rival"]) == (stored["effect"], stored["rival"])
     for name in ("apart", "sigmas", "random", "chosen"):
         assert again[name] == pytest.approx(stored[name], rel=NUMBERS)
@@ -128,34 +118,34 @@ def test_a_stored_question_is_answered_the_same_again() -> None:
 def test_answers_are_kept_and_asked_once(tmp_path, monkeypatch) -> None:
     asked = []
 
-    def answer(question: Question) -> dict:
+    def answer(question: next_drops.Question) -> dict:
         asked.append(question)
         return example(question, 64.0, 16.0)
 
     monkeypatch.setattr("thesis_lib.studies.proof.next_drops.ask", answer)
-    run(3, lambda line: None, tmp_path)
-    assert asked == plan()[:3]
-    run(5, lambda line: None, tmp_path)
-    assert asked == plan()[:5]  # the first three are stored
-    assert read_answers(tmp_path)["random"].tolist() == [64.0] * 5
+    next_drops.run(3, lambda line: None, tmp_path)
+    assert asked == next_drops.plan()[:3]
+    next_drops.run(5, lambda line: None, tmp_path)
+    assert asked == next_drops.plan()[:5]  # the first three are stored
+    assert next_drops.read_answers(tmp_path)["random"].tolist() == [64.0] * 5
 
 
 def test_shares_and_words_of_answers(tmp_path) -> None:
     nothing = dict.fromkeys(("apart", "sigmas", "random", "chosen"), "")
-    table_of(tmp_path).put(
-        example(plan()[0], 64.0, 16.0),
-        example(plan()[1], float(STEPS[-1]), 23.0, wrong_random=1),
-        example(plan()[2], 6.0, 6.0),
-        example(plan()[3], 0.0, 0.0) | nothing | {"rival": ""},
-        example(plan()[4], 0.0, 0.0) | nothing | {"apart": 0.5},  # nothing proposed
+    next_drops.table_of(tmp_path).put(
+        example(next_drops.plan()[0], 64.0, 16.0),
+        example(next_drops.plan()[1], float(next_drops.STEPS[-1]), 23.0, wrong_random=1),
+        example(next_drops.plan()[2], 6.0, 6.0),
+        example(next_drops.plan()[3], 0.0, 0.0) | nothing | {"rival": ""},
+        example(next_drops.plan()[4], 0.0, 0.0) | nothing | {"apart": 0.5},  # nothing proposed
     )
-    answers = read_answers(tmp_path)
-    text = as_markdown(answers)
-    assert f"Of 5 datasets of {FIRST} random drops 3 leave" in text and "2 of these 3 questions" in text
+    answers = next_drops.read_answers(tmp_path)
+    text = next_drops.as_markdown(answers)
+    assert f"Of 5 datasets of {next_drops.FIRST} random drops 3 leave" in text and "2 of these 3 questions" in text
     assert "The median question takes 0.25 times" in text and "wrongly settled | 23 |" in text
     assert not answers["open"].iloc[4] and np.isnan(answers["chosen"].iloc[4])
     with pytest.raises(ValueError, match="no question"):
-        as_markdown(answers[~answers["open"]])
+        next_drops.as_markdown(answers[~answers["open"]])
 
 
 def test_the_place_stands_in_the_report_where_it_matters() -> None:
@@ -167,8 +157,8 @@ def test_the_place_stands_in_the_report_where_it_matters() -> None:
 
 @pytest.mark.parametrize("spoil", ["wear,x", "nothing", "wear,0.25,0,wear,witchcraft,1,1,1,1,0,0"])
 def test_a_spoilt_table_is_refused(tmp_path, spoil: str) -> None:
-    table_of(tmp_path).put(example(plan()[0], 1.0, 1.0))
+    next_drops.table_of(tmp_path).put(example(next_drops.plan()[0], 1.0, 1.0))
     path = tmp_path / "next_experiment.csv"
     path.write_text(path.read_text() + spoil + "\n")
     with pytest.raises(CorruptFileError, match="delete the line"):
-        read_answers(tmp_path)
+        next_drops.read_answers(tmp_path)

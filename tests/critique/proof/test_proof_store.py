@@ -49,16 +49,6 @@ class TestStore:
             row = put(tmp_path, case, [["wear", "magnus"], ["tilt"]], **errors, parameters=parameter(rng.normal()))
             assert {name: numbers_of_row(row)[name] for name in errors} == errors
 
-    def test_shape_and_contact_time_are_part_of_the_dataset(self, tmp_path):
-        cases = [
-            Case("mujoco", "wear", SEEDS, shape=shape, contact_time=time)
-            for shape in ("ellipse", "square")
-            for time in (3e-4, 3e-3)
-        ]
-        for case in cases:
-            put(tmp_path, case)
-        assert set(read_rows("mujoco", tmp_path)) == set(cases)
-
     def test_rows_are_sorted_whatever_the_order_in_which_they_came(self, tmp_path):
         cases = [WEAR, replace(WEAR, seed=999), replace(WEAR, drops=50), Case("law", "adhesion", 5)]
         for folder, order in (("one", cases), ("two", cases[::-1])):

@@ -22,20 +22,7 @@ class TestSummary:
         table = summary(tmp_path)
         assert set(table["met"]) == {"not run"} and (table["n"] == 0).all() and table["measured"].isna().all()
         assert list(dict.fromkeys(table["figure"])) == [target.figure for target in TARGETS]
-        assert len(TARGETS) == 8
-
-    def test_targets_are_those_that_were_set(self, tmp_path):
-        said = summary(tmp_path).drop_duplicates("figure")[["at_least", "aim"]].to_numpy().tolist()
-        assert said == [
-            ["95 %", "99 %"],
-            ["85 %", "95 %"],
-            ["70 %", "90 %"],
-            ["95 %", "99 %"],
-            ["80 %", "95 %"],
-            ["80 %", "95 %"],
-            ["90 %", "94-96 %"],
-            ["≤ 1.2", "≤ 1.05"],
-        ]
+        assert "not run" in report(tmp_path)
 
     @pytest.mark.parametrize(
         ("right", "met"), [(100, "aim"), (99, "aim"), (98, "at least"), (95, "at least"), (94, "missed")]
@@ -156,9 +143,6 @@ class TestReport:
         for target in TARGETS:
             assert target.figure[:50] in text
         assert f"Truth against verdict (medians; 95 % intervals): {len(confusion(mixed))}" in text
-
-    def test_of_an_empty_store(self, tmp_path):
-        assert "not run" in report(tmp_path / "nowhere")
 
     def test_writes_the_tables(self, mixed, tmp_path):
         report(mixed, tmp_path / "csv")

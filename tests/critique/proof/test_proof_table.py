@@ -4,75 +4,36 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from stored_proof import FLOOR, OUTSIDE, cell, error, figure_of, parameter, put, refuse
+from stored_proof import FLOOR, cell, error, figure_of, parameter, put, refuse
 
 from thesis_lib.foundation.errors import CorruptFileError
 from thesis_lib.statistics.intervals import wilson
 from thesis_lib.studies.proof.cases import Case
 from thesis_lib.studies.proof.results import confusion, outcomes, recovered
-from thesis_lib.studies.proof.store import NOTHING
 from thesis_lib.studies.proof.summary import TARGETS
 
 COVERAGE = next(target.figure for target in TARGETS if target.measure == "coverage")
 
 
-class TestWhatIsRight:
-    def test_an_effect_in_the_group_named_first(self, tmp_path):
-        put(tmp_path, Case("law", "wear", 1000))
-        put(tmp_path, Case("law", "wear", 1001), groups=[["wrong_size", "wear"]])
-        put(tmp_path, Case("law", "wear", 1002), groups=[["magnus"], ["wear"]])
-        put(tmp_path, Case("law", "wear", 1003), groups=[])
-        row = cell(tmp_path, "law", "wear")
-        assert (row["n"], row["right"]) == (4, 0.5)
-        assert (row["right_low"], row["right_high"]) == pytest.approx(wilson(2, 4))
-        assert row["group_size"] == pytest.approx(4.0 / 3.0)
-        assert row["named_first"] == "magnus:1;wear:1;wrong_size:1"
-        assert row["verdicts"] == "adequate:1;effects:3"
+def test_datasets_of_a_cell_are_counted(tmp_path):
+    put(tmp_path, Case("law", "wear", 1000))
+    put(tmp_path, Case("law", "wear", 1001), groups=[["wrong_size", "wear"]])
+    put(tmp_path, Case("law", "wear", 1002), groups=[["magnus"], ["wear"]])
+    put(tmp_path, Case("law", "wear", 1003), groups=[])
+    row = cell(tmp_path, "law", "wear")
+    assert (row["n"], row["right"]) == (4, 0.5)
+    assert (row["right_low"], row["right_high"]) == pytest.approx(wilson(2, 4))
+    assert row["group_size"] == pytest.approx(4.0 / 3.0)
+    assert row["named_first"] == "magnus:1;wear:1;wrong_size:1"
+    assert row["verdicts"] == "adequate:1;effects:3"
+    assert outcomes(tmp_path)["wrong_names"].tolist() == [0, 0, 1, 0]
 
-    def test_not_in_a_group_of_four(self, tmp_path):
-        put(tmp_path, Case("law", "wear", 1000), groups=[["magnus", "adhesion", "wrong_size", "wear"]])
-        assert not outcomes(tmp_path)["right"].any()
 
-    def test_a_group_beside_the_hidden_effect_is_wrong(self, tmp_path):
-        four = ["magnus", "adhesion", "wrong_size", "com_offset"]
-        put(tmp_path, Case("law", "wear", 1000), groups=[["wear"], four])
-        (row,) = outcomes(tmp_path).itertuples()
-        assert not row.right and row.wrong_names == 1 and row.group_size == 2.5
-
-    @pytest.mark.parametrize(
-        ("steps", "right"),
-        [
-            ([["com_offset"], ["linear_drag"]], True),
-            ([["linear_drag", "magnus"], ["wear", "com_offset"]], True),
-            ([["com_offset"], ["wear"], ["linear_drag"]], False),
-            # one group says "one or the other", which is not both
-            ([["com_offset", "linear_drag"]], False),
-            ([["com_offset", "linear_drag"], ["wear"]], False),
-        ],
-    )
-    def test_both_of_a_pair_in_groups_of_their_own(self, tmp_path, steps, right):
-        put(tmp_path, Case("mechanism", "com_offset_x+linear_drag", 1000), groups=steps)
-        assert outcomes(tmp_path)["right"].tolist() == [right]
-
-    def test_a_pair_of_which_one_is_named_is_wrong(self, tmp_path):
-        put(tmp_path, Case("law", "com_offset+linear_drag", 1000), groups=[["com_offset"]])
-        assert not outcomes(tmp_path)["right"].any()
-
-    def test_adequate_where_nothing_is_hidden_and_unexplained_outside_the_library(self, tmp_path):
-        for seed, steps in enumerate(([], [], [["wear"]])):
-            put(tmp_path, Case("law", NOTHING, 1000 + seed), groups=steps)
-        for seed, verdict in enumerate(("unexplained", "effects", "adequate", "adequate")):
-            put(tmp_path, Case("drake", OUTSIDE, 1000 + seed), verdict=verdict, groups=[])
-        assert cell(tmp_path, "law", NOTHING)["right"] == pytest.approx(2.0 / 3.0)
-        assert cell(tmp_path, "drake", OUTSIDE)["right"] == 0.25
-        assert cell(tmp_path, "drake", OUTSIDE)["kind"] == "outside"
-
-    def test_never_a_refusal(self, tmp_path):
-        for i, (source, truth) in enumerate((("law", NOTHING), ("law", "wear"), ("mechanism", OUTSIDE))):
-            refuse(tmp_path, Case(source, truth, 1000 + i))
-        found = outcomes(tmp_path)
-        assert len(found) == 3 and not found["right"].any()
-        assert confusion(tmp_path)["verdicts"].tolist() == ["refused:1"] * 3
+def test_a_refusal_is_counted_and_never_right(tmp_path):
+    refuse(tmp_path, Case("law", "wear", 1000))
+    put(tmp_path, Case("law", "wear", 1001))
+    row = cell(tmp_path, "law", "wear")
+    assert (row["right"], row["verdicts"]) == (0.5, "effects:1;refused:1")
 
 
 class TestMisfits:

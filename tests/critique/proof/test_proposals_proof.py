@@ -6,19 +6,7 @@ import pytest
 from thesis_lib.critique.proposal.terms import TARGETS, all_terms
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.simulate.compliant.hidden_laws import HIDDEN_LAWS
-from thesis_lib.studies.proof.proposals import (
-    ENOUGH,
-    KEY,
-    OWN,
-    ROWS,
-    SEEDS,
-    ProposalCase,
-    as_markdown,
-    cases,
-    make,
-    right,
-    told,
-)
+from thesis_lib.studies.proof import proposals
 from thesis_lib.studies.proof.store import NOTHING, put_missing
 
 
@@ -37,49 +25,51 @@ def row(truth: str = "couple_by_spin", proposed: str = "couple_by_turning", a: f
 
 
 def test_a_part_of_the_table_is_mixed_as_the_whole() -> None:
-    every = cases(3, 20)
+    every = proposals.cases(3, 20)
     assert len(every) == len(set(every)) == 3 * len(HIDDEN_LAWS) + 20
     assert {case.truth for case in every[: len(every) // 2]} == {*HIDDEN_LAWS, NOTHING}
-    assert cases(1, 0) == [ProposalCase(truth, SEEDS) for truth in HIDDEN_LAWS]
+    assert proposals.cases(1, 0) == [proposals.ProposalCase(truth, proposals.SEEDS) for truth in HIDDEN_LAWS]
     assert min(case.seed for case in every) >= 1000  # those that chose sizes and terms are below
 
 
 def test_each_hidden_law_has_a_term_that_says_it() -> None:
     terms = {term.name: term for term in all_terms()}
-    assert set(OWN) == set(HIDDEN_LAWS)
-    assert all(terms[OWN[name]].target == law.acts_on for name, law in HIDDEN_LAWS.items())
+    assert set(proposals.OWN) == set(HIDDEN_LAWS)
+    assert all(terms[proposals.OWN[name]].target == law.acts_on for name, law in HIDDEN_LAWS.items())
     assert {law.acts_on for law in HIDDEN_LAWS.values()} == set(TARGETS)
 
 
 def test_what_is_right() -> None:
-    assert right(row()) == dict.fromkeys(("proposed", "variable", "sign", "form", "enough", "best", "typical"), True)
-    wrong_sign = right(row(a=0.15))
+    assert proposals.right(row()) == dict.fromkeys(
+        ("proposed", "variable", "sign", "form", "enough", "best", "typical"), True
+    )
+    wrong_sign = proposals.right(row(a=0.15))
     assert wrong_sign["variable"] and not wrong_sign["sign"] and not wrong_sign["form"]
-    other_form = right(row(proposed="couple_by_slip_speed_and_turning"))
+    other_form = proposals.right(row(proposed="couple_by_slip_speed_and_turning"))
     assert not other_form["variable"] and not other_form["form"]
-    squared = right(row("friction_by_spin", "friction_by_squared_spin", 5.0))
+    squared = proposals.right(row("friction_by_spin", "friction_by_squared_spin", 5.0))
     assert squared["sign"] and not squared["form"]
-    near = right(row("restitution_by_threshold", "restitution_by_obliquity", -0.3))
+    near = proposals.right(row("restitution_by_threshold", "restitution_by_obliquity", -0.3))
     assert near["sign"] and not near["form"]
-    nothing = right(row(proposed="", a="", after="", excess=5.0))
+    nothing = proposals.right(row(proposed="", a="", after="", excess=5.0))
     assert not any(nothing.values())
-    assert not right(row(after=ENOUGH * 0.008 + 1e-4))["enough"]
+    assert not proposals.right(row(after=proposals.ENOUGH * 0.008 + 1e-4))["enough"]
 
 
-def made_up(case: ProposalCase) -> dict:
+def made_up(case: proposals.ProposalCase) -> dict:
     """A row without a critique; a process of its own makes it."""
     if case.truth == NOTHING:
         return row(NOTHING, "", "", seed=case.seed, after="")
-    return row(case.truth, OWN[case.truth], HIDDEN_LAWS[case.truth].size, seed=case.seed)
+    return row(case.truth, proposals.OWN[case.truth], HIDDEN_LAWS[case.truth].size, seed=case.seed)
 
 
 def test_the_table_counts_and_goes_on_where_it_stopped(tmp_path) -> None:
-    store = ROWS.at(tmp_path / "proposals.csv")
+    store = proposals.ROWS.at(tmp_path / "proposals.csv")
     with pytest.raises(UserError, match="holds no row"):
-        as_markdown(store)
-    todo, said = cases(1, 2), []
+        proposals.as_markdown(store)
+    todo, said = proposals.cases(1, 2), []
     for part in (todo[:3], todo):
-        assert put_missing(part, made_up, lambda case: store, told, said.append)
+        assert put_missing(part, made_up, lambda case: store, proposals.told, said.append)
     assert [line for line in said if "stored" in line] == [
         "0 of 3 are stored, 3 to compute",
         f"3 of {len(todo)} are stored, {len(todo) - 3} to compute",
@@ -87,34 +77,29 @@ def test_the_table_counts_and_goes_on_where_it_stopped(tmp_path) -> None:
     assert len(said) == 2 + len(todo) and len(store.table()) == len(todo)
     put = store.parsed(dict)[0]
     store.put(put | {"code": "of another day"})
-    assert put_missing(todo, made_up, lambda case: store, told, said.append, again=True)
+    assert put_missing(todo, made_up, lambda case: store, proposals.told, said.append, again=True)
     assert f"{len(todo)} of {len(todo)} are stored, 1 to compute" in said and put in store.parsed(dict)
-    text = as_markdown(store)
+    text = proposals.as_markdown(store)
     assert "| couple by spin | couple | 1 of 1 | 1 of 1 | 1 of 1 | 1 of 1 | 1 of 1 | 1 of 1 | 1 of 1 |" in text
     assert "no term is proposed in 2 of 2" in text
 
 
-def test_a_row_that_is_computed_again_replaces_the_first(tmp_path) -> None:
-    store = ROWS.at(tmp_path / "proposals.csv")
-    for a in (-0.15, -0.14):
-        store.put(row(a=a))
-    assert store.table()["a"].astype(float).tolist() == [-0.14]
-
-
 def test_data_are_the_same_each_time_and_differ_by_seed() -> None:
-    one, again, other = (make(ProposalCase("couple_by_spin", seed), 3).trajectories for seed in (1, 1, 2))
+    one, again, other = (
+        proposals.make(proposals.ProposalCase("couple_by_spin", seed), 3).trajectories for seed in (1, 1, 2)
+    )
     pd.testing.assert_frame_equal(one, again)
     assert not one.equals(other)
 
 
-@pytest.mark.skipif(not ROWS.path.exists(), reason="the table has not been computed")
+@pytest.mark.skipif(not proposals.ROWS.path.exists(), reason="the table has not been computed")
 def test_the_stored_table_is_of_these_cases() -> None:
-    table = ROWS.table()
+    table = proposals.ROWS.table()
     assert set(table["truth"]) <= {*HIDDEN_LAWS, NOTHING}
-    assert not table.duplicated(list(KEY)).any()
+    assert not table.duplicated(list(proposals.KEY)).any()
     terms = {term.name for term in all_terms()} | {""}
     assert set(table["proposed"].str.split("+").explode()) <= terms
-    answers = [right(row) for row in table[table["truth"] != NOTHING].to_dict("records")]
+    answers = [proposals.right(row) for row in table[table["truth"] != NOTHING].to_dict("records")]
     found = [answer for answer in answers if answer["form"]]
     # what the findings say: where the mean error stays above 1.5 floors, the hidden term itself brings it no lower
     assert found and sum(answer["best"] for answer in found) >= 0.9 * len(found)

@@ -1,31 +1,19 @@
 """Unexplained, proposed, written, added with --effects: the error falls; and where the file may not lie."""
 
 import json
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 from hidden_effects import injected_impacts
 
+from tests.extensions.own_files import library  # noqa: F401 -- effects that a test adds are forgotten after it
 from thesis_lib.__main__ import main
-from thesis_lib.contact import LAWS
 from thesis_lib.critique.proposal.effect_file import effect_of
 from thesis_lib.critique.proposal.results import proposal_path
 from thesis_lib.critique.proposal.terms import all_terms
 from thesis_lib.datasets.format.write import write_dataset
-from thesis_lib.effects import EFFECTS
-from thesis_lib.extensions import registry
 
 HIDDEN, SIZE = "restitution_by_obliquity", -0.4
-
-
-@pytest.fixture(autouse=True)
-def library() -> Iterator[None]:
-    kept = [(mapping, dict(mapping)) for mapping in (EFFECTS, LAWS, registry._ADDED)]
-    yield
-    for mapping, content in kept:
-        mapping.clear()
-        mapping.update(content)
 
 
 @pytest.fixture(scope="module")

@@ -45,12 +45,10 @@ def proposal(hidden: DropsCritique) -> Proposal:
 
 
 @pytest.mark.slow
-def test_the_critique_alone_does_not_explain_it(hidden: DropsCritique) -> None:
+def test_the_hidden_term_is_proposed_with_its_size_where_nothing_named_explains_it(
+    hidden: DropsCritique, proposal: Proposal
+) -> None:
     assert hidden.verdict == "unexplained" and hidden.is_structured
-
-
-@pytest.mark.slow
-def test_the_hidden_term_is_proposed_with_its_size(proposal: Proposal) -> None:
     (one,) = proposal.terms
     assert one.term.name == HIDDEN and one.step.p_value <= 0.01 and one.step.gain[1] > 0.0
     a, std = (getattr(proposal.fitted, of)[f"{HIDDEN}.a"] for of in ("values", "std"))
@@ -119,12 +117,11 @@ def test_the_regression_finds_it_in_every_half(hidden: DropsCritique) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", [0])
-def test_nothing_is_proposed_where_nothing_is_hidden(seed: int) -> None:
+def test_nothing_is_proposed_where_nothing_is_hidden() -> None:
     """Asked for though the critique would not ask."""
-    critique = criticised(HIDDEN, 0.0, seed)
+    critique = criticised(HIDDEN, 0.0, 0)
     assert critique.verdict == "adequate"
-    assert propose(critique, np.random.default_rng(seed)) is None
+    assert propose(critique, np.random.default_rng(0)) is None
     assert content_of(None, "") is None and "none is proposed" in sentences({"proposal": None})[0]
 
 

@@ -18,7 +18,6 @@ from thesis_lib.extensions.registry import NAME
 TERMS = all_terms()
 COMPOSES, DESCRIBED = "works together with every effect of the library", "explains its symbols and names a source"
 FAST = [check for check in EFFECT_CHECKS if check.name not in (COMPOSES, DESCRIBED)]
-FIXED = {"speed", "trial"}  # groups over a fixed scale: 1 m/s, 100 releases
 
 
 @pytest.mark.slow

@@ -2,46 +2,32 @@
 
 import numpy as np
 import pytest
+from plain_drops import sizes
 
 from thesis_lib.bodies.body import Noise
 from thesis_lib.contact import LAWS
 from thesis_lib.critique.contacts.model import Model
-from thesis_lib.critique.results.saved_model import SavedModel
 from thesis_lib.critique.simulation.drake_augmented import drake_poses
 from thesis_lib.critique.simulation.law_drops import own_poses, simulate_law_drops
 from thesis_lib.effects import EFFECTS
 from thesis_lib.simulate.rig.hidden_causes import ELLIPSE_BODY, PROOF_RELEASE
 
-N, RATE = 6, 250
+N = 6
 NONE = Noise(position=None, angle=None)
 # the other simulator takes drag by a midpoint rule in steps of 1 ms, and impacts amplify what that leaves
 SAME_FLIGHT, OWN_FLIGHT = 1e-8, 5e-4
 
 
-def saved(*names, height=0.0, tau=None):
-    model = Model(LAWS["wang_mason"], tuple(EFFECTS[name] for name in names), takes_time=tau is not None)
-    values = {"mu": 0.3, "epsilon": 0.55, "tau": tau}
-    for name in names:
-        for p in EFFECTS[name].parameters:
-            values[f"{name}.{p.name}"] = p.discrete if p.discrete is not None else p.null + 3.0 * p.scale
-    parameters = {key: {"value": values[key], "unit": p.unit} for key, p in model.parameters.items()}
-    rig = {"shape": ELLIPSE_BODY.shape.model_dump(), "radius_of_gyration": ELLIPSE_BODY.radius_of_gyration}
-    rig |= {"gravity": 9.81, "height": height}
-    content = {"schema": 1, "law": "wang_mason", "effects": names, "parameters": parameters, "rig": rig}
-    return SavedModel.model_validate(content)
-
-
-def both(*names, seed=0, tau=None):
+def both(*names, tau=None):
     """Poses in Drake and in the program's own simulator, side by side."""
-    model = saved(*names, tau=tau)
-    given = {"duration": 0.5, "noise": NONE}
+    effects = tuple(EFFECTS[name] for name in names)
+    model = Model(LAWS["wang_mason"], effects, takes_time=tau is not None)
+    values = {"mu": 0.3, "epsilon": 0.55, "tau": tau}
+    for effect in effects:
+        values |= sizes(effect, 3.0)
+    drops = (ELLIPSE_BODY, PROOF_RELEASE, N, model, values)
     return tuple(
-        simulate_law_drops(
-            *(ELLIPSE_BODY, PROOF_RELEASE, N, model.model, model.values),
-            **given,
-            rng=np.random.default_rng(seed),
-            poses=poses,
-        ).trajectories
+        simulate_law_drops(*drops, duration=0.5, noise=NONE, rng=np.random.default_rng(0), poses=poses).trajectories
         for poses in (drake_poses, own_poses)
     )
 

@@ -6,15 +6,15 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 import pytest
-from space_models import space_model
-from test_simulate_model import model_of
+from saved_models import model_of, space_model
 
 from thesis_lib.__main__ import main
 from thesis_lib.contact.compliant.normal_force import LinearDamper
-from thesis_lib.critique.simulation import to_tosses
+from thesis_lib.critique.simulation import rollout
 from thesis_lib.critique.simulation.first_flight import MeasuredTosses, first_flight, first_frame
 from thesis_lib.critique.simulation.rollout import compared, of_frames, of_tosses, roll_out, summary
 from thesis_lib.critique.simulation.simulate_in_space import simulate_in_space
+from thesis_lib.critique.simulation.to_tosses import fit_to_tosses
 from thesis_lib.datasets.format.table_forms import POSE_IN_SPACE, V_POST_IN_SPACE, V_PRE_IN_SPACE
 from thesis_lib.datasets.format.write import write_dataset
 from thesis_lib.mechanics.space import SPACE, of_rotation_vector
@@ -178,8 +178,8 @@ def test_values_with_which_a_toss_has_no_solution_are_none(simulated, monkeypatc
             found.iloc[0] = np.nan
         return found
 
-    monkeypatch.setattr(to_tosses, "of_tosses", numbers)
-    fitted, _ = to_tosses.fit_to_tosses(space_model(**COMPLIANT, mu=0.32), simulated[1], [0, 1], ["mu"])
+    monkeypatch.setattr(rollout, "of_tosses", numbers)
+    fitted, _ = fit_to_tosses(space_model(**COMPLIANT, mu=0.32), simulated[1], [0, 1], ["mu"])
     assert len(set(first)) > 3 and fitted.values["mu"] == 0.32
 
 

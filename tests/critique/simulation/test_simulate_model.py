@@ -6,11 +6,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from hidden_effects import RIG_NOISE, injected_impacts, simulated
+from saved_models import model_of
 
 from thesis_lib.__main__ import main
-from thesis_lib.bodies.shapes import Ellipse, Shape
-from thesis_lib.contact import LAWS
-from thesis_lib.critique.contacts.model import Model
+from thesis_lib.bodies.shapes import Ellipse
 from thesis_lib.critique.drops.criticise import criticise_drops
 from thesis_lib.critique.likelihood.observations import observe
 from thesis_lib.critique.results.load_model import load_model
@@ -18,25 +17,11 @@ from thesis_lib.critique.results.saved_model import SavedModel, SavedReference
 from thesis_lib.critique.simulation import simulate_model as module
 from thesis_lib.critique.simulation.simulate_model import measured_releases, proof_releases, simulate_model
 from thesis_lib.datasets import read_dataset
-from thesis_lib.effects import EFFECTS
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.simulate.rig.hidden_causes import ELLIPSE_BODY, PROOF_RELEASE
 
 TRUTH = {"mu": 0.3, "epsilon": 0.55, "tangential_restitution.e_t": 0.4}
 SAME = 1e-7  # m and rad, between the engines
-
-
-def model_of(height: float = 0.0, shape: Shape = ELLIPSE_BODY.shape, **values: float) -> SavedModel:
-    names = tuple(dict.fromkeys(name.split(".")[0] for name in values if "." in name))
-    declared = Model(LAWS["wang_mason"], tuple(EFFECTS[name] for name in names)).parameters
-    rig = {"shape": shape.model_dump(), "radius_of_gyration": ELLIPSE_BODY.radius_of_gyration}
-    return SavedModel.model_validate(
-        {
-            **{"schema": 1, "law": "wang_mason", "effects": names},
-            "parameters": {name: {"value": values[name], "unit": p.unit} for name, p in declared.items()},
-            "rig": rig | {"gravity": 9.81, "height": height},
-        }
-    )
 
 
 @pytest.fixture

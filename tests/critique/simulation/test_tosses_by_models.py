@@ -3,7 +3,7 @@
 import numpy as np
 import pandas as pd
 import pytest
-from space_models import SPHERE, space_model
+from saved_models import SPHERE, space_model
 
 from thesis_lib.__main__ import main
 from thesis_lib.bodies.solids import contact_kind

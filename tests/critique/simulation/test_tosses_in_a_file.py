@@ -5,7 +5,7 @@ import re
 
 import numpy as np
 import pytest
-from space_models import BOX, space_model
+from saved_models import BOX, space_model
 
 from thesis_lib.__main__ import main
 from thesis_lib.critique.export.export import exported
@@ -67,17 +67,8 @@ def test_the_command_compares_files(file, tmp_path, capsys):
     better = file(model)
     other = tmp_path / "other.xml"
     other.write_text(better.read_text().replace('<inertial pos="0.003 0 -0.002"', '<inertial pos="-0.003 0 0.002"'))
-    command = [
-        "rollout",
-        f"{tmp_path}/model.json",
-        f"{tmp_path}/data",
-        "--all",
-        "--json",
-        "-q",
-        "--mjcf",
-        str(other),
-        str(better),
-    ]
+    command = ["rollout", f"{tmp_path}/model.json", f"{tmp_path}/data", "--all", "--json", "-q"]
+    command += ["--mjcf", str(other), str(better)]
     assert main([*command, "--body", "body"]) == 0
     content = json.loads(capsys.readouterr().out)
     errors = {name: of["benchmark"]["position_m"] for name, of in content["files"].items()}
@@ -90,14 +81,13 @@ def test_a_file_that_cannot_be_tossed_says_why(file):
     model = space_model(**MODEL)
     path = file(model)
     text = path.read_text()
-    with pytest.raises(UserError, match="no body 'box' with a free joint"):
-        TossesInFile(path, "box", model)
-    path.write_text(text.replace('type="plane"', 'type="box"').replace('size="0 0 1"', 'size="1 1 1"'))
-    with pytest.raises(UserError, match="has 0 planes; it needs one"):
-        TossesInFile(path, "body", model)
-    path.write_text(text.replace("<freejoint/>", ""))
-    with pytest.raises(UserError, match="no body 'body' with a free joint"):
-        TossesInFile(path, "body", model)
-    path.write_text("<mujoco><worldbody/></mujoc>")
-    with pytest.raises(UserError, match="MuJoCo cannot read it"):
-        TossesInFile(path, "body", model)
+    boxed = text.replace('type="plane"', 'type="box"').replace('size="0 0 1"', 'size="1 1 1"')
+    for written, body, said in (
+        (text, "box", "no body 'box' with a free joint"),
+        (boxed, "body", "has 0 planes; it needs one"),
+        (text.replace("<freejoint/>", ""), "body", "no body 'body' with a free joint"),
+        ("<mujoco><worldbody/></mujoc>", "body", "MuJoCo cannot read it"),
+    ):
+        path.write_text(written)
+        with pytest.raises(UserError, match=said):
+            TossesInFile(path, body, model)

@@ -18,7 +18,6 @@ import numpy as np
 import pandas as pd
 from scipy.optimize import minimize_scalar
 
-from thesis_lib.contact import CANDIDATE_LAWS, LAWS_IN_SPACE
 from thesis_lib.contact.compliant.normal_force import NormalForce
 from thesis_lib.critique.contacts.bases import BASES
 from thesis_lib.critique.contacts.engine_contact import (
@@ -34,6 +33,7 @@ from thesis_lib.critique.contacts.engine_contact import (
 from thesis_lib.critique.contacts.model import Model
 from thesis_lib.critique.drops.criticise import DropsCritique
 from thesis_lib.critique.drops.planar.sliding import require_falling
+from thesis_lib.critique.drops.world import Drops
 from thesis_lib.critique.engines.fit import EngineFit, fit_engine
 from thesis_lib.critique.likelihood.comparison import Comparison
 from thesis_lib.critique.likelihood.fit import ROUNDS, Fit, fit
@@ -41,7 +41,6 @@ from thesis_lib.critique.likelihood.observations import Observations
 from thesis_lib.critique.results.titles import effect_title, law_title
 from thesis_lib.datasets.format.dataset import Dataset
 from thesis_lib.effects.effect import Effect
-from thesis_lib.extensions.registry import added_laws
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.statistics.intervals import clustered_mean
 from thesis_lib.statistics.wording import listed, number
@@ -102,9 +101,8 @@ def compare_models(
     """
     engines, space = [name for name in names if name in STAND_INS], critique.observations.space
     final = critique.ladder[-1][1]
-    laws = CANDIDATE_LAWS if space.is_plane else LAWS_IN_SPACE
-    laws = list(dict.fromkeys([*laws, *added_laws(), final.base]))  # and what stands at the end
-    laws = [name for name in laws if space.dimension in BASES[name].dimensions]
+    # those of the critique, and what stands at the end
+    laws = dict.fromkeys([*Drops(critique.training, critique.settings).bases, final.base])
     sets = {WITHOUT: (), WITH: final.effects} if final.effects else {WITHOUT: ()}
     source = critique.source
     follows = source is not None and not space.is_plane and source.trajectories is not None
@@ -113,7 +111,7 @@ def compare_models(
     parts = []
     for label, effects in sets.items():
         rows, errors = [], []
-        for name in [*laws * (LAWS in names), *engines]:
+        for name in [*(laws if LAWS in names else ()), *engines]:
             say(f"fitting {engine_law(name).title if name in STAND_INS else BASES[name].title} {label} effects")
             missing = lacks(name, effects, space) if name in STAND_INS else []
             own = tuple(effect for effect in effects if effect.name not in missing)

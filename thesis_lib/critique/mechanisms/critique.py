@@ -75,12 +75,6 @@ class MechanismCritique:
     sensor_excess: tuple[float, float] = (0.0, 1.0)
 
     @property
-    def are_sensors_off(self) -> bool:
-        """Whether sensors would have to err materially more than is stated."""
-        excess, p_value = self.sensor_excess
-        return is_excess_material(excess, p_value, self.settings)
-
-    @property
     def verdict(self) -> str:
         """adequate, effects or unexplained."""
         return self.discovery.verdict(self.is_structured)
@@ -230,9 +224,8 @@ def _beyond_noise(judgement: ForceJudgement) -> Remaining:
 def states_of_windows(weak: WeakForm) -> tuple[list[str], np.ndarray]:
     """Names of the coordinates and velocities ("d" + name), and their means (windows, 2 nv) over each window."""
     states = np.concatenate([weak.motion.q, weak.motion.v], axis=1)
-    counts = np.diff(np.append(weak.starts, len(states)))
     names = [*weak.model.coordinates, *(f"d{name}" for name in weak.model.coordinates)]
-    return names, np.add.reduceat(states, weak.starts, axis=0) / counts[:, None]
+    return names, np.add.reduceat(states, weak.starts, axis=0) / (weak.ends - weak.starts)[:, None]
 
 
 def dependence(weak: WeakForm, z: np.ndarray, alpha: float, rng: np.random.Generator) -> tuple[tuple[str, ...], float]:

@@ -21,7 +21,13 @@ from collections.abc import Mapping
 import numpy as np
 import pandas as pd
 
-from thesis_lib.critique.mechanisms.critique import MechanismCritique, dependence, smallest_sizes, states_of_windows
+from thesis_lib.critique.mechanisms.critique import (
+    MechanismCritique,
+    dependence,
+    is_excess_material,
+    smallest_sizes,
+    states_of_windows,
+)
 from thesis_lib.critique.mechanisms.recovery import identify_parameters
 from thesis_lib.critique.mechanisms.world import ForceFit, predict
 from thesis_lib.critique.selection.discovery import Step
@@ -133,7 +139,8 @@ def _sensors(critique: MechanismCritique) -> dict:
             continue
         for p, value, std in zip(e.parameters, fitted.values[e.name], fitted.std[e.name]):
             found[f"{e.name}.{p.name}"] = {"value": value, "std": std, "unit": p.unit}
-    return {"found": found, "excess": excess, "p_value": p_value, "exceeds": critique.are_sensors_off}
+    exceeds = is_excess_material(excess, p_value, critique.settings)
+    return {"found": found, "excess": excess, "p_value": p_value, "exceeds": exceeds}
 
 
 def _where(critique: MechanismCritique, base_fit: ForceFit) -> list[dict]:
@@ -145,14 +152,11 @@ def _where(critique: MechanismCritique, base_fit: ForceFit) -> list[dict]:
     # the wheel's spokes are alike: only whether one is in contact counts
     if critique.model.name == "wheel":
         pairs = ["one spoke" if p != "none" else p for p in pairs]
-    key = [(names[c], pairs[w]) for c, w in zip(held.coordinate, held.window)]
-    rows = []
-    for group in sorted(set(key)):
-        at = np.array([k == group for k in key])
-        misfits = (float(np.sqrt(np.mean(z[at] ** 2))) for z in (before, after))
-        names_of_row = ("coordinate", "contacts", "rows", "before", "after")
-        rows.append(dict(zip(names_of_row, (*group, int(at.sum()), *misfits))))
-    return rows
+    squares = {"before": before**2, "after": after**2}
+    rows = pd.DataFrame({"coordinate": [names[c] for c in held.coordinate], "rows": 1} | squares)
+    groups = rows.assign(contacts=[pairs[w] for w in held.window]).groupby(["coordinate", "contacts"], as_index=False)
+    found = groups.agg({"rows": "sum", "before": "mean", "after": "mean"})
+    return found.assign(**{name: np.sqrt(found[name]) for name in squares}).to_dict("records")
 
 
 def _next_experiment(critique: MechanismCritique) -> dict:

@@ -17,7 +17,7 @@ Identification and Control of Robots, 2002, doi 10.1016/B978-1-903996-66-9.X5000
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -34,7 +34,6 @@ class MotionSteps:
     """n steps of measured motion: q, v, a (n, nv) in m, rad and s; normal forces `c_n` (n, p) of the pairs in N.
 
     `f` (n, nv) is the known force in N or N m, `df` (n, nv) its time derivative; None where neither is needed.
-    `kept` is what `once` has made of the motion, which does not change with the normal forces.
     """
 
     q: np.ndarray
@@ -43,15 +42,6 @@ class MotionSteps:
     c_n: np.ndarray
     f: np.ndarray | None = None
     df: np.ndarray | None = None
-    kept: dict[tuple[str, BelievedModel], tuple[np.ndarray, ...]] = field(default_factory=dict, repr=False)
-
-    def once(
-        self, name: str, model: BelievedModel, make: Callable[[], tuple[np.ndarray, ...]]
-    ) -> tuple[np.ndarray, ...]:
-        """Result of `make` for this motion under this model, normal forces apart; computed once for a `name`."""
-        if (name, model) not in self.kept:
-            self.kept[name, model] = make()
-        return self.kept[name, model]
 
 
 Force = Callable[[BelievedModel, MotionSteps, np.ndarray], np.ndarray]
@@ -99,18 +89,13 @@ def _gravity(model: BelievedModel, motion: MotionSteps, p: np.ndarray) -> np.nda
     (alpha,), (gx, gy) = p, model.gravity
     # g - R(α) g; gravity's share of Y is linear in gravity
     change = (gx * (1.0 - np.cos(alpha)) + gy * np.sin(alpha), gy * (1.0 - np.cos(alpha)) - gx * np.sin(alpha))
-
-    def along_each() -> tuple[np.ndarray, ...]:
-        still = np.zeros_like(motion.v)
-        return tuple(model.regressor(motion.q, still, still, unit) @ model.parameters for unit in np.eye(2))
-
-    along_x, along_y = motion.once("gravity", model, along_each)
+    still = np.zeros_like(motion.v)
+    along_x, along_y = (model.regressor(motion.q, still, still, unit) @ model.parameters for unit in np.eye(2))
     return change[0] * along_x + change[1] * along_y
 
 
 def _payload(model: BelievedModel, motion: MotionSteps, p: np.ndarray) -> np.ndarray:
-    (of_unit,) = motion.once("payload", model, lambda: (model.regressor(motion.q, motion.v, motion.a) @ model.payload,))
-    return -p * of_unit
+    return -p * (model.regressor(motion.q, motion.v, motion.a) @ model.payload)
 
 
 def _on_roller(of_spin: Callable[[BelievedModel, MotionSteps, np.ndarray], np.ndarray]) -> Force:

@@ -75,15 +75,13 @@ def identify_parameters(weak: WeakForm, fitted: ForceFit) -> Identified:
     return Identified(base, columns, believed + (change / scale)[:r], std[:r], believed)
 
 
-def force_error(
-    weak: WeakForm, records: tuple[SimulatedMotion, ...], fitted: ForceFit
-) -> tuple[float, np.ndarray, np.ndarray]:
+def force_error(weak: WeakForm, record: SimulatedMotion, fitted: ForceFit) -> tuple[float, np.ndarray, np.ndarray]:
     """Relative rms error of contact forces against those of the simulation, over all contact steps except impacts.
 
-    Also the estimated and true forces (n, 2, p) in N, NaN where skipped.  `weak` holds the exact states of `records`.
+    Also the estimated and true forces (n, 2, p) in N, NaN where skipped.  `weak` holds the exact states of `record`.
     """
     estimate = np.stack(weak.contact_forces(total_force(weak, fitted.forces, fitted.values)), axis=1)
-    true = np.array([(records[i].c_n[k], records[i].c_t[k]) for i, k in zip(weak.step_trial, weak.step)])
+    true = np.stack([record.c_n[weak.step], record.c_t[weak.step]], axis=1)
     normal = true[:, 0]
     touching = normal > 0.0
     typical = np.array([np.median(column[on]) if on.any() else 0.0 for column, on in zip(normal.T, touching.T)])

@@ -39,7 +39,6 @@ from thesis_lib.simulate.stepping.stepping import SimulatedMotion
 from thesis_lib.statistics.intervals import wilson
 
 OUTSIDE = "cogging"  # hidden, but in no library
-Tables = dict[str, pd.DataFrame]
 
 
 def believed(kind: MechanismKind, bodies: Chapter2Bodies, sizes: HiddenSizes) -> BelievedModel:
@@ -73,7 +72,7 @@ def hidden_effect_study(
     rng: np.random.Generator,
     bodies: Chapter2Bodies = chapter2.DEFAULT,
     say: Callable[[str], None] = lambda text: None,
-) -> tuple[Tables, dict[str, MechanismCritique]]:
+) -> tuple[dict[str, pd.DataFrame], dict[str, MechanismCritique]]:
     """Run the study.
 
     Returns:
@@ -131,8 +130,8 @@ def _effects_row(
 ) -> tuple[dict, pd.DataFrame]:
     first, tests = critique.steps[0] if critique.steps else None, critique.discovery.first_scan
     believed = fit_effects(critique.training, ())
-    before, estimate, reference = force_error(exact, records[-1:], believed)
-    after, with_it, _ = force_error(exact, records[-1:], critique.fitted)
+    before, estimate, reference = force_error(exact, records[-1], believed)
+    after, with_it, _ = force_error(exact, records[-1], critique.fitted)
     without = identify_parameters(critique.training, believed)
     identified = identify_parameters(critique.training, critique.fitted)
     # a payload changes the parameters themselves: the error is that of the believed ones

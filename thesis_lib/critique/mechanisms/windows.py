@@ -64,8 +64,9 @@ class WeakForm:
 
     Attributes:
         motion: (n, ...) all steps in a window, with contact forces of the believed model alone.
-        f: (n, nv) known forces in N, N m; step, step_trial: (n,) numbers of step and trial.
-        starts: (windows,) first step of each window; active_pairs: its contact pairs, and p + i where joint i stands.
+        f: (n, nv) known forces in N, N m; step: (n,) number of each step in its trial.
+        starts, ends: (windows,) first step of each window, and the one after its last.
+        active_pairs: its contact pairs, and p + i where joint i stands.
         trial, window, coordinate: (N,) trial, window and free coordinate of each row of z.
         left_out: steps in no window, by reason; steps, trials: numbers of all.
         columns: by sensor error, what one unit changes in z; filled by `world`.
@@ -90,7 +91,6 @@ class WeakForm:
                 f"steps left out: {dict(self.left_out)}."
             )
         self.step = np.concatenate([np.arange(w.start, w.stop) for w in windows])
-        self.step_trial = np.concatenate([np.full(w.stop - w.start, w.trial) for w in windows])
         self.active_pairs = tuple(w.active for w in windows)
         self._weight = np.concatenate([self.rule.kernel(w.stop - w.start) for w in windows])
         self._group(windows)
@@ -163,17 +163,15 @@ class WeakForm:
 
     def _group(self, windows: list[_Window]) -> None:
         """Group steps with the same contacts and dependent coordinates, to batch their algebra."""
+        self.ends = np.cumsum([w.stop - w.start for w in windows])
+        self.starts = np.concatenate([[0], self.ends[:-1]])
         groups: dict[tuple, list[np.ndarray]] = {}
-        at, rows, starts = 0, [], []
+        rows = []
         for number, w in enumerate(windows):
-            length = w.stop - w.start
-            groups.setdefault((w.active, w.dependent), []).append(np.arange(at, at + length))
-            starts.append(at)
+            groups.setdefault((w.active, w.dependent), []).append(self._steps_of(number))
             free = (c for c in range(len(self.model.coordinates)) if c not in w.dependent)
             rows += [(w.trial, number, c, j) for j, c in enumerate(free)]
-            at += length
         self._groups = {key: np.concatenate(parts) for key, parts in groups.items()}
-        self.starts = np.array(starts)
         self.trial, self.window, self.coordinate, self._slot = np.array(rows).T
 
     def _basis(self, q: np.ndarray) -> np.ndarray:
@@ -215,10 +213,9 @@ class WeakForm:
         """The motion with the normal forces that it requires if `force` (n, nv) also acts."""
         c_n = self.contact_forces(force)[0]
         if self.rule.power:  # the noise of one step exceeds the force: the mean of a window
-            ends = np.append(self.starts, len(c_n))
             total = np.add.reduceat(self._weight[:, None] * c_n, self.starts, axis=0)
             mean = total / np.add.reduceat(self._weight, self.starts)[:, None]
-            c_n = np.repeat(mean, np.diff(ends), axis=0)
+            c_n = np.repeat(mean, self.ends - self.starts, axis=0)
         return replace(self.motion, c_n=c_n)
 
     def gathered(self, force: np.ndarray) -> np.ndarray:
@@ -233,6 +230,9 @@ class WeakForm:
     def residual(self, force: np.ndarray) -> np.ndarray:
         """z (N,) if `force` (n, nv) of the effects acts besides the believed model."""
         return self.gathered(self._rest - force)
+
+    def _steps_of(self, window: int) -> np.ndarray:
+        return np.arange(int(self.starts[window]), int(self.ends[window]))
 
     def _whitening(self, trials: Sequence[Trial]) -> list[tuple[np.ndarray, np.ndarray]]:
         """Rows of z and L of each trial."""
@@ -251,16 +251,14 @@ class WeakForm:
             slopes[which, :, :, channel] = (balance(*measured + shift) - balance(*measured - shift)) / (2.0 * NUDGE)
         stencils = list(enumerate((self.rule.q, self.rule.v, self.rule.a)))
         factors = []
-        ends = np.append(self.starts, n).tolist()
         for i, t in enumerate(trials):
             rows = np.flatnonzero(self.trial == i)
             if not len(rows):
                 continue
             G = np.zeros((2, len(rows), len(t.q), nv))  # of q, v
             for row, r in enumerate(rows):
-                window = int(self.window[r])
-                at = np.arange(ends[window], ends[window + 1])
-                k, slot = self.step[at], self._slot[r]
+                at, slot = self._steps_of(self.window[r]), self._slot[r]
+                k = self.step[at]
                 for which, stencil in stencils:
                     for name, j, w in stencil:
                         G["qv".index(name), row, k + j] += w * slopes[which, at, slot]
@@ -271,14 +269,14 @@ class WeakForm:
                 sigma[0] = np.hypot(sigma[0], t.jitter * np.gradient(t.q, self.h, axis=0))
             S = np.einsum("crkv,ckv,cskv->rs", G, sigma**2, G, optimize=True)
             if self.rule.is_blind_to_instants:
-                T = self._instants(t, rows, ends)
+                T = self._instants(t, rows)
                 S += T @ T.T
             # rows may have no noise at all: a small diagonal keeps the factor defined
             S += 1e-14 * np.trace(S) / len(S) * np.eye(len(S))
             factors.append((rows, np.linalg.cholesky(S)))
         return factors
 
-    def _instants(self, t: Trial, rows: np.ndarray, ends: list[int]) -> np.ndarray:
+    def _instants(self, t: Trial, rows: np.ndarray) -> np.ndarray:
         """(rows, m+1): change of r by one sigma of the instant, within each step, at which its contact impulse acts.
 
         An impact takes less than a step, in which J turns by ΔJ: the error is N' ΔJ' h c / √12.
@@ -287,7 +285,7 @@ class WeakForm:
         contacts = self.model.mechanism.contacts_of(t.q)
         J = np.concatenate([contacts.J_n, contacts.J_t], axis=1)
         for row, r in enumerate(rows):
-            at = np.arange(ends[self.window[r]], ends[self.window[r] + 1])
+            at = self._steps_of(self.window[r])
             k = self.step[at]
             turned = np.einsum("kcv,kc->kv", J[k + 1] - J[k], self._contact[at])
             T[row, k] += self.h / np.sqrt(12.0) * np.einsum("kv,kv->k", self.basis[at, self._slot[r]], turned)

@@ -72,18 +72,10 @@ def content_of(proposal: Proposal | None, file: str) -> dict | None:
 
 def with_proposal(content: Mapping, proposal: Proposal | None, file: str, has_angle: bool) -> dict:
     """`content` of diagnosis.json where terms were looked for; `file`: name of the effect file, "" without one."""
-    more = {
-        "proposal": content_of(proposal, file),
-        "not_testable": [*content["not_testable"], *not_testable(has_angle)],
-    }
-    content = {**content, **more}
-    return {**content, "summary": [*content["summary"], *sentences(content)]}
-
-
-def not_testable(has_angle: bool) -> list[dict]:
-    """Entries added to `not_testable` of diagnosis.json, where terms were looked for."""
     why = "theta is not measured: the unknown spin takes up any error that depends on it"
-    return [] if has_angle else [{"name": UNTESTABLE, "why": why}]
+    untold = [] if has_angle else [{"name": UNTESTABLE, "why": why}]
+    told = {**content, "proposal": content_of(proposal, file), "not_testable": [*content["not_testable"], *untold]}
+    return {**told, "summary": [*content["summary"], *sentences(told)]}
 
 
 def sentences(d: Mapping) -> list[str]:

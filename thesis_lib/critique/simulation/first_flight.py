@@ -84,11 +84,6 @@ class MeasuredTosses:
         padded = State(padded.pose, np.zeros_like(padded.motion), padded.trial, times.ravel(), None, SPACE)
         return cls(padded, times, seen, np.array(flights))
 
-    @property
-    def trials(self) -> np.ndarray:
-        """(n,)"""
-        return self.states.trial[: len(self.flight)]
-
     def bound(self, model: SavedSpaceModel) -> ByImpulse:
         """Dynamics of the model for bodies that turn as these have."""
         k, n = self.times.shape

@@ -9,8 +9,7 @@ the record has the cubic that joins poses and velocities of both ends, which sin
 """
 
 from collections.abc import Callable, Mapping
-from dataclasses import replace
-from typing import Protocol
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -23,6 +22,7 @@ from thesis_lib.effects.effect import ORIGIN, Reference, Rig
 from thesis_lib.mechanics.bisection import bisected
 from thesis_lib.mechanics.state import State
 from thesis_lib.simulate.rig.record import as_dataset
+from thesis_lib.simulate.rig.release import Release
 
 SUBSTEPS = 4  # per sampling period of 4 ms: a drag of 1/s then errs by 1e-7 m per flight
 REST = 0.15  # m/s; a slower impact counts as rest, and the record ends
@@ -30,17 +30,22 @@ _NOW = 1e-9  # s
 Poses = Callable[[Dynamics, np.ndarray, np.ndarray, int, float], np.ndarray]  # as `own_poses`
 
 
-class ReleaseDistribution(Protocol):
-    """Distribution of release states, or the measured releases of a dataset."""
+@dataclass(frozen=True)
+class MeasuredReleases:
+    """True poses q, height above the surface, and velocities v (m, 3): each once in order, then with replacement."""
+
+    q: np.ndarray
+    v: np.ndarray
 
     def draw(self, n: int, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
-        """Poses above the surface (m, m, rad) and velocities (m/s, m/s, rad/s), both (n, 3)."""
-        ...
+        count = len(self.q)
+        rows = np.r_[np.arange(min(n, count)), rng.integers(count, size=max(n - count, 0))]
+        return self.q[rows].copy(), self.v[rows].copy()
 
 
 def simulate_law_drops(
     body: Body,
-    release: ReleaseDistribution,
+    release: Release | MeasuredReleases,
     n: int,
     model: Model,
     values: Mapping[str, float],

@@ -43,6 +43,7 @@ GROUPS = {
     "benchmark": ("position_m", "angle_rad"),
     "final_face": ("share",),
 }
+Moves = Callable[[ByImpulse, State, np.ndarray], Tosses]  # as `toss`
 STARTS = {"first_flight": first_flight, "first_frame": first_frame}
 BEFORE = 3  # frames
 DRAWS = 2000
@@ -99,15 +100,13 @@ def roll_out(
         tosses = toss(dynamics, dynamics.to_true(state), measured.times)
         paths.append((reported(dynamics, tosses), tosses.hits))
     (predicted, hits), (one, of_one), (other, _) = paths
-    frames, floor = (
-        of_frames(model, path, against, measured.times, measured.seen, count)
-        for path, against, count in ((predicted, measured.states, hits), (one, other, of_one))
-    )
+    frames = of_frames(model, predicted, measured.states, measured.times, measured.seen, hits)
+    floor = of_frames(model, one, other, measured.times, measured.seen, of_one)
     return Rollout(frames, floor, of_tosses(model, frames), of_tosses(model, floor))
 
 
 def rolled_out_by(
-    moves: Callable[[ByImpulse, State, np.ndarray], Tosses],
+    moves: Moves,
     model: SavedSpaceModel,
     dataset: Dataset,
     trials: Sequence[int],
@@ -121,7 +120,14 @@ def rolled_out_by(
     """
     measured, dynamics, begun = _begun(model, dataset, trials, start, say)
     say("simulating")
-    tosses = moves(dynamics, dynamics.to_true(begun.state), measured.times)
+    return missed(model, dynamics, begun.state, measured, moves)
+
+
+def missed(
+    model: SavedSpaceModel, dynamics: ByImpulse, start: State, measured: MeasuredTosses, moves: Moves = toss
+) -> pd.DataFrame:
+    """The numbers of each toss that begins in the measured states `start`."""
+    tosses = moves(dynamics, dynamics.to_true(start), measured.times)
     path = reported(dynamics, tosses)
     return of_tosses(model, of_frames(model, path, measured.states, measured.times, measured.seen, tosses.hits))
 
@@ -131,7 +137,7 @@ def _begun(
 ) -> tuple[MeasuredTosses, ByImpulse, Start]:
     measured = MeasuredTosses.of(dataset, model, trials)
     dynamics = measured.bound(model)
-    say(f"fitting {len(measured.trials)} first flights")
+    say(f"fitting {len(measured.flight)} first flights")
     return measured, dynamics, STARTS[start](dynamics, measured)
 
 

@@ -12,7 +12,7 @@ acceleration in flight a (m, 3):
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -22,7 +22,7 @@ from thesis_lib.critique.drops.planar.sliding import require_falling
 from thesis_lib.critique.likelihood.comparison import Comparison
 from thesis_lib.critique.likelihood.observations import Observations, observe
 from thesis_lib.critique.results.saved_model import SavedModel, SavedReference
-from thesis_lib.critique.simulation.law_drops import ReleaseDistribution, own_poses, simulate_law_drops
+from thesis_lib.critique.simulation.law_drops import MeasuredReleases, own_poses, simulate_law_drops
 from thesis_lib.datasets.format.dataset import Dataset
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.mechanics.state import State
@@ -34,19 +34,6 @@ RATE = 250.0  # Hz
 DURATION = 0.6  # s, for releases of the proof under 9.81 m/s²
 AFTER_FALL = 0.3  # s, recorded after the longest fall if no trajectories give a duration
 CLEAR = 0.01  # m, least height of the lowest point at release
-
-
-@dataclass(frozen=True)
-class MeasuredReleases:
-    """True poses q, height above the surface, and velocities v (m, 3): each once in order, then with replacement."""
-
-    q: np.ndarray
-    v: np.ndarray
-
-    def draw(self, n: int, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
-        count = len(self.q)
-        rows = np.r_[np.arange(min(n, count)), rng.integers(count, size=max(n - count, 0))]
-        return self.q[rows].copy(), self.v[rows].copy()
 
 
 def simulate_model(
@@ -77,7 +64,7 @@ def simulate_model(
     require_falling(model.rig.gravity, model.rig.has_angle, model.rig.walls, "simulate")
     rate, noise = RATE, RIG_NOISE
     if like is None:
-        releases: ReleaseDistribution = proof_releases(model)
+        releases = proof_releases(model)
         duration = DURATION * math.sqrt(9.81 / model.rig.gravity)
         n = n or 50
     else:

@@ -15,8 +15,7 @@ import numpy as np
 from thesis_lib.critique.results.saved_in_space import SavedSpaceModel
 from thesis_lib.critique.results.saved_model import SavedParameter
 from thesis_lib.critique.simulation.first_flight import MeasuredTosses
-from thesis_lib.critique.simulation.rollout import STARTS, of_frames, of_tosses
-from thesis_lib.critique.simulation.tosses import reported, toss
+from thesis_lib.critique.simulation.rollout import STARTS, missed
 from thesis_lib.datasets.format.dataset import Dataset
 from thesis_lib.effects import EFFECTS
 from thesis_lib.foundation.errors import UserError
@@ -61,14 +60,11 @@ def fit_to_tosses(
         changed = with_values(model, dict(zip(names, p.tolist())))
         dynamics = measured.bound(changed)
         beginning = STARTS[start](dynamics, measured) if begins else begun
-        tosses = toss(dynamics, dynamics.to_true(beginning.state), measured.times)
-        path = reported(dynamics, tosses)
-        frames = of_frames(changed, path, measured.states, measured.times, measured.seen, tosses.hits)
-        errors = of_tosses(changed, frames)[["pos_int_percent", "angle_rad"]].to_numpy()
+        errors = missed(changed, dynamics, beginning.state, measured)[["pos_int_percent", "angle_rad"]].to_numpy()
         found, count = float((errors @ [0.01, 1.0]).mean()), count + 1
         found = found if np.isfinite(found) else np.inf  # a toss without a solution must not drop out of the mean
         best = min(best, found)
-        say(f"{len(measured.trials)} whole tosses, {count} of at most {MOST * len(names)}: error {best:.4g}")
+        say(f"{len(measured.flight)} whole tosses, {count} of at most {MOST * len(names)}: error {best:.4g}")
         return found
 
     from scipy.optimize import minimize

@@ -57,9 +57,10 @@ def sources_in(table: pd.DataFrame) -> list[str]:
     return [name for name in SOURCE_TITLE if (table["source"] == name).any()]
 
 
-def say_not_run(figure: Figure, what: str) -> None:
-    """Mark a picture for which nothing is stored."""
+def not_run(figure: Figure, what: str, table: pd.DataFrame) -> Drawn:
+    """A picture for which nothing is stored, so that its `table` is empty."""
     figure.text(0.5, 0.5, f"{what}: no stored results", ha="center", va="center", color=GREY)
+    return figure, table
 
 
 @house_style
@@ -94,8 +95,7 @@ def _panels(table: pd.DataFrame, along: str, label: str, title: str) -> Drawn:
     figure = new_figure(height=1.1 + PANEL * max(rows, 1))
     set_title(figure, title)
     if not effects:
-        say_not_run(figure, f"right against {label}")
-        return figure, table
+        return not_run(figure, f"right against {label}", table)
     axes = figure.subplots(rows, COLUMNS, sharex=True, sharey=True, squeeze=False)
     ticks = sorted(table[along].unique())
     for name, ax in zip(effects, axes.flat):
@@ -165,8 +165,7 @@ def draw_misfits(outcomes: pd.DataFrame) -> Drawn:
     figure = new_figure(height=1.2 + ROW * max(len(effects), 3))
     set_title(figure, "How far the effects that were found bring the misfit down to its floor")
     if not effects:
-        say_not_run(figure, "misfit before and after")
-        return figure, table
+        return not_run(figure, "misfit before and after", table)
     names = sources_in(table)
     axes = np.atleast_1d(figure.subplots(1, len(names), sharex=True, sharey=True))
     place = {name: i for i, name in enumerate(effects)}
@@ -209,8 +208,7 @@ def draw_parameters(recovered: pd.DataFrame) -> Drawn:
     figure = new_figure(height=1.0 + ROW * max(len(table), 3))
     set_title(figure, "Injected effects: share of truths within the interval, and its width")
     if table.empty:
-        say_not_run(figure, "parameters of injected laws")
-        return figure, table
+        return not_run(figure, "parameters of injected laws", table)
     left, right = figure.subplots(1, 2, sharey=True)
     y = np.arange(len(table))
     for ax, name, factor, line in ((left, "coverage", 100, 95), (right, "width", 1, WIDEST)):
@@ -252,8 +250,7 @@ def draw_real_contacts(table: pd.DataFrame) -> Drawn:
     figure = new_figure(height=4.6)
     set_title(figure, "Right verdicts in contacts as long as real ones")
     if table.empty:
-        say_not_run(figure, "real contacts")
-        return figure, table
+        return not_run(figure, "real contacts", table)
     asked = {name: least for name, *_, least in ASKED} | {COVERED: COVERAGE[0]}
     axes = figure.subplots(2, 3, sharex=True, sharey=True)
     places = {time: i for i, time in enumerate(sorted(TIMES))}
@@ -290,8 +287,7 @@ def draw_next_drops(answers: pd.DataFrame) -> Drawn:
     figure = new_figure(height=1.0 + QUESTION * max(len(table), 4))
     set_title(figure, "Drops that tell two effects apart, beyond the first 50")
     if table.empty:
-        say_not_run(figure, "questions")
-        return figure, table
+        return not_run(figure, "questions", table)
     ax = figure.add_subplot()
     rows = range(len(table))
     ax.hlines(rows, table["chosen"], table["random"], color=GREY, linewidth=0.8)

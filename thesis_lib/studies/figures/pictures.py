@@ -17,7 +17,7 @@ from thesis_lib.figures.critique.errors import set_title
 from thesis_lib.figures.style import DARK, GREY, INK, SHADES, WIDTH, Drawn, house_style, new_figure
 from thesis_lib.mechanics.space import PLANE
 from thesis_lib.studies.figures import curves
-from thesis_lib.studies.figures.curves import SOURCE_TITLE, draw_real_contacts, say_not_run, words
+from thesis_lib.studies.figures.curves import SOURCE_TITLE, draw_real_contacts, not_run, words
 from thesis_lib.studies.proof.by_contact import by_contact
 from thesis_lib.studies.proof.results import of_table, usual
 
@@ -67,7 +67,7 @@ def draw_matrix(outcomes: pd.DataFrame, source: str) -> Drawn:
     cell = (WIDTH - CHARACTER * longest) / (len(columns) + 2.0)
     figure = new_figure(height=FRAME + cell * len(truths))
     if truths.empty:
-        say_not_run(figure, SOURCE_TITLE[source])
+        not_run(figure, SOURCE_TITLE[source], shares)
     else:
         ax = figure.add_subplot()
         _draw(ax, shares, truths)

@@ -1,0 +1,40 @@
+"""Models that were not fitted, as if a critique had saved them."""
+
+from thesis_lib.bodies.shapes import Shape
+from thesis_lib.contact import LAWS
+from thesis_lib.critique.contacts.model import Model
+from thesis_lib.critique.results.saved_in_space import SavedSpaceModel
+from thesis_lib.critique.results.saved_model import SavedModel
+from thesis_lib.effects import EFFECTS
+from thesis_lib.simulate.rig.hidden_causes import ELLIPSE_BODY
+
+BOX = {"kind": "box", "half_extents": (0.05, 0.04, 0.03)}
+SPHERE = {"kind": "sphere", "radius": 0.04}
+
+
+def space_model(law: str = "mirtich", shape: dict = BOX, rig: dict | None = None, **values: float) -> SavedSpaceModel:
+    """A homogeneous body with this law and these values, by default μ 0.25 and ε 0.5."""
+    values = {"mu": 0.25, "epsilon": 0.5, **values}
+    names = tuple(dict.fromkeys(name.split(".")[0] for name in values if "." in name))
+    body = {"shape": shape, "mass": 0.25, "homogeneous": True}
+    return SavedSpaceModel.model_validate(
+        {"schema": 1, "dimensions": 3, "dataset": "none", "law": law, "effects": names}
+        | {"parameters": {name: {"value": value, "unit": "1"} for name, value in values.items()}}
+        | {"rig": {"schema": 2, "body": body, **(rig or {})}}
+    )
+
+
+def model_of(
+    height: float = 0.0, shape: Shape = ELLIPSE_BODY.shape, law: str = "wang_mason", **values: float
+) -> SavedModel:
+    """The law with these values, for the body of the proof if no other shape is given."""
+    names = tuple(dict.fromkeys(name.split(".")[0] for name in values if "." in name))
+    declared = Model(LAWS[law], tuple(EFFECTS[name] for name in names)).parameters
+    rig = {"shape": shape.model_dump(), "radius_of_gyration": ELLIPSE_BODY.radius_of_gyration}
+    return SavedModel.model_validate(
+        {
+            **{"schema": 1, "law": law, "effects": names},
+            "parameters": {name: {"value": values[name], "unit": p.unit} for name, p in declared.items()},
+            "rig": rig | {"gravity": 9.81, "height": height},
+        }
+    )
