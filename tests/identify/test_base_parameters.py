@@ -5,11 +5,10 @@ import pytest
 
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.simulate.mechanisms.base_parameters import base_parameters, linear_combination
-from thesis_lib.simulate.mechanisms.motions import block, disk
+from thesis_lib.simulate.mechanisms.motions import disk
 from thesis_lib.simulate.mechanisms.regressor import PlantRegressor
 from thesis_lib.simulate.mechanisms.scenes import Mode, contact_modes
 from thesis_lib.simulate.stepping.arm_disk import ArmDisk
-from thesis_lib.simulate.stepping.stepping import simulate
 from thesis_lib.thesis.identify.base_parameters.excitation_table import excitation_cases, excitation_table
 from thesis_lib.thesis.identify.base_parameters.identifiability import (
     identifiability,
@@ -17,7 +16,6 @@ from thesis_lib.thesis.identify.base_parameters.identifiability import (
     require_identifiable,
     sliding_regressor,
 )
-from thesis_lib.thesis.identify.base_parameters.window import free_body_window
 
 LENGTH = 0.8
 
@@ -123,14 +121,3 @@ def test_a_window_that_cannot_identify_says_why(case: str, reason: str) -> None:
     with pytest.raises(UserError, match=reason):
         require_identifiable(window)
     assert len(identifiability(window).warnings) == 1
-
-
-def test_flat_square_with_known_mass_is_refused_for_lack_of_excitation() -> None:
-    record = simulate(block(), [0.0, 0.8, 0.0], np.zeros(3), None, 5e-3, 60, 0.7, 0.6)
-    window = free_body_window(record, 0.7, known={"m": 1.0})
-    with pytest.raises(UserError, match="0 of 1 parameters"):
-        require_identifiable(window)
-
-
-def test_identified_windows_pass() -> None:
-    assert require_identifiable(excitation_cases()["disk slides, force"][1]).rank == 2

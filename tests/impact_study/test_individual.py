@@ -163,8 +163,3 @@ class TestStickingBound:
         c_t, c_n = law.impulse(target.space, np.maximum(bound - 1e-6, 0.0), epsilon)
         off = np.hypot(c_t - final_t, c_n - final_n) / np.hypot(final_t, final_n)
         assert np.all(off[below] > STUCK * (1 - 1e-2))
-
-    def test_reported_friction_does_not_exceed_it(self, rng):
-        for name in SIX_LAWS:
-            fit = fit_individual(LAWS[name], far_targets(rng, 50), "impulse")
-            assert np.all(fit.mu <= fit.mu_s)

@@ -6,7 +6,7 @@ neighbourhood of the best points.  Standard errors come from the bootstrap over 
 on the same table: all replicates zoom together until their spread fills the box.
 """
 
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
@@ -26,19 +26,17 @@ class EnsembleFit:
     """Ensemble parameters with bootstrap standard errors."""
 
     mu: float
-    epsilon: float
-    cost: float  # mean misfit in the metric's unit
     mu_std: float
+    epsilon: float
     epsilon_std: float
+    cost: float  # mean misfit in the metric's unit
     n: int
     n_failed: int
     at_bound: tuple[str, ...]  # parameters at the edge of their box, whose standard errors are then meaningless
-    replicates: np.ndarray  # (B, 2) the bootstrap's (μ, ε)
 
     def columns(self) -> dict[str, Any]:
-        """A table row without the replicates, with `at_bound` as text."""
-        names = ("mu", "mu_std", "epsilon", "epsilon_std", "cost", "n", "n_failed")
-        return {name: getattr(self, name) for name in names} | {"at_bound": ";".join(self.at_bound)}
+        """A table row, with `at_bound` as text."""
+        return asdict(self) | {"at_bound": ";".join(self.at_bound)}
 
 
 def fit_ensemble(
@@ -61,18 +59,17 @@ def fit_ensemble(
     if n == 0:
         raise ValueError("there are no impacts to identify from")
     (best,), cost, n_failed = _zoom(law, target, metric, np.ones((n, 1)), tolerance)
-    replicates = np.zeros((0, 2))
+    std = np.full(2, np.nan)
     if bootstrap:
         if rng is None:
             raise ValueError("the bootstrap needs rng")
         weights = _bootstrap_weights(np.arange(n) if trials is None else trials, bootstrap, rng)
         replicates, _, _ = _zoom(law, target, metric, weights)
-    std = replicates.std(axis=0, ddof=1) if bootstrap > 1 else np.full(2, np.nan)
+        std = replicates.std(axis=0, ddof=1) if bootstrap > 1 else std
     edges = {"mu": (best[0], 0.0, MU_MAX), "epsilon": (best[1], 0.0, 1.0)}
     at_bound = tuple(k for k, (x, low, high) in edges.items() if min(x - low, high - x) <= 2 * tolerance)
-    return EnsembleFit(
-        float(best[0]), float(best[1]), cost, float(std[0]), float(std[1]), n, n_failed, at_bound, replicates
-    )
+    (mu, epsilon), (mu_std, epsilon_std) = best.tolist(), std.tolist()
+    return EnsembleFit(mu, mu_std, epsilon, epsilon_std, cost, n, n_failed, at_bound)
 
 
 def cost_grid(law: Law, target: MeasuredImpulses, metric: Metric, mu: np.ndarray, epsilon: np.ndarray) -> np.ndarray:

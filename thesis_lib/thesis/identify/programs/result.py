@@ -35,7 +35,6 @@ class SolveStatus(StrEnum):
 class ProgramResult:
     """Result of one program."""
 
-    program: str  # "2.12", "2.13", "2.14" or "2.14 soft"
     solver: str
     status: SolveStatus
     claimed: bool  # whether the solver reports success; `status` is judged on the residuals
@@ -45,7 +44,6 @@ class ProgramResult:
     dynamics: float  # residual, 1; so is `complementarity`
     complementarity: float
     cost: float  # value of the program's cost, dimensionless
-    names: tuple[str, ...] = ()  # (n_Θ,) of the parameters
 
     @property
     def solved(self) -> bool:
@@ -76,7 +74,6 @@ def complementarity_residual(window: ContactWindow, c_n: np.ndarray, c_t: np.nda
 
 def judged(
     window: ContactWindow,
-    program: str,
     solver: str,
     claimed: bool,
     theta: np.ndarray,
@@ -104,6 +101,4 @@ def judged(
             status = SolveStatus.SOLVER_FAILED
         else:
             status = SolveStatus.SOLVED
-    return ProgramResult(
-        program, solver, status, claimed, theta, c_n, c_t, dynamics, complementarity, cost, names=window.names
-    )
+    return ProgramResult(solver, status, claimed, theta, c_n, c_t, dynamics, complementarity, cost)
