@@ -2,6 +2,16 @@
 
 All geometry comes from the functions used for computing (thesis section 3.3.1).  The outline of a law's region is the
 image of the edge of the box 0 ≤ μ < ∞, 0 ≤ ε ≤ 1.
+
+Figure 3-11 explains unusual parameters by two impacts:
+
+(a) μ = 0.  Among impacts whose individual μ is below `MU_ZERO`, the quarter with the contact point nearest to below
+    the centre of mass; of these the one with the largest misfit.  Without such impacts: the one with the least μ.
+(b) Spin reversal.  Among impacts whose measured impulse lies beyond the line of sticking, the one at the median
+    distance beyond it.  Without such impacts: the one nearest to it.
+"Beyond" is relative to the impulse without friction, c_t = 0 at the same c_n: friction has then reversed the slip
+v_t + K_tn c_n that it opposed.  A change of sign of v_t is not enough: in a skewed contact the normal impulse alone can
+cause it, and every law predicts that.  Ties go to the first impact, so that equal data give equal figures.
 """
 
 from dataclasses import dataclass
@@ -12,18 +22,24 @@ from matplotlib.axes import Axes
 from matplotlib.patches import Arc
 
 from thesis_lib.bodies.body import Body
-from thesis_lib.coefficients.cost import target_of
+from thesis_lib.coefficients.cost import MeasuredImpulses, target_of
 from thesis_lib.contact import LAWS, SIX_LAWS
 from thesis_lib.contact.law import Law
-from thesis_lib.contact.space import contact_space, energy_ellipse, line_of_maximum_compression, line_of_sticking
+from thesis_lib.contact.space import (
+    beyond_sticking,
+    contact_space,
+    energy_ellipse,
+    line_of_maximum_compression,
+    line_of_sticking,
+)
 from thesis_lib.datasets.format.impacts import Impacts
 from thesis_lib.figures.law_style import style_of
 from thesis_lib.figures.planar_drawing import Sketch, turned, unit
 from thesis_lib.figures.style import BLUE, GREEN, GREY, INK, RED, SHADE, Drawn, ImpulseAxis, house_style, new_figure
+from thesis_lib.foundation.errors import UserError
 from thesis_lib.mechanics.contact import Contact
 from thesis_lib.thesis.impact_study.predictive_range import admissible_outline, region
-from thesis_lib.thesis.impact_study.shown import spin_reversal_case, zero_friction_case
-from thesis_lib.thesis.impact_study.tables import VARIANTS
+from thesis_lib.thesis.impact_study.tables import MU_ZERO, VARIANTS
 
 # the thesis's grouping of figure 3-3
 GROUPS = {
@@ -188,6 +204,30 @@ def figure_3_11(
     axis.label(axes[0], x=False)
     figure.legend(*axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=3)
     return figure, pd.concat(parts, ignore_index=True)[["panel", "trial", "impact", "series", "c_t", "c_n"]]
+
+
+def zero_friction_case(impacts: Impacts, mu: np.ndarray, misfit: np.ndarray) -> int:
+    """Row of case (a) among impacts with individual `mu` (n,) and `misfit` (n,) in N s; UserError if all are NaN."""
+    usable = np.flatnonzero(np.isfinite(mu) & np.isfinite(misfit))
+    if not len(usable):
+        raise UserError("No impact has individual parameters, so there is no case with μ = 0 to show.")
+    zero = usable[mu[usable] < MU_ZERO]
+    if not len(zero):
+        return int(usable[np.argmin(mu[usable])])
+    offset = np.abs(impacts.r[zero, 0])
+    central = zero[offset <= np.quantile(offset, 0.25)]
+    return int(central[np.argmax(misfit[central])])
+
+
+def spin_reversal_case(target: MeasuredImpulses) -> int:
+    """Row of case (b) among n measured impulses; UserError if none is finite."""
+    beyond = beyond_sticking(target.space, target.c_t, target.c_n)
+    usable = np.flatnonzero(np.isfinite(beyond))
+    if not len(usable):
+        raise UserError("No measured impulse is finite, so there is no case of spin reversal to show.")
+    order = usable[np.argsort(beyond[usable], kind="stable")]
+    reversed_ = order[beyond[order] > 0.0]
+    return int(order[-1] if not len(reversed_) else reversed_[(len(reversed_) - 1) // 2])
 
 
 def region_outline(law: Law, space: Contact, points: int = 25) -> np.ndarray:

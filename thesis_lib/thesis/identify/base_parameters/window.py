@@ -102,8 +102,7 @@ class ContactWindow:
     @property
     def force_scale(self) -> float:
         """Largest known generalised force F over the window, the unit of contact forces; 1 without any."""
-        largest = float(np.abs(self.f).max(initial=0.0))
-        return largest if largest > 0.0 else 1.0
+        return float(np.abs(self.f).max(initial=0.0)) or 1.0
 
     @property
     def gap_scale(self) -> float:
