@@ -72,12 +72,6 @@ def fit_ensemble(
     return EnsembleFit(mu, mu_std, epsilon, epsilon_std, cost, n, n_failed, at_bound)
 
 
-def cost_grid(law: Law, target: MeasuredImpulses, metric: Metric, mu: np.ndarray, epsilon: np.ndarray) -> np.ndarray:
-    """Mean misfit (I, J) on the grid mu (I,) × epsilon (J,), for figure 3-7."""
-    table = misfit_table(law, target, np.repeat(mu, len(epsilon)), np.tile(epsilon, len(mu)), metric)
-    return np.nanmean(table, axis=1).reshape(len(mu), len(epsilon))
-
-
 def _bootstrap_weights(trials: np.ndarray, replicates: int, rng: np.random.Generator) -> np.ndarray:
     """Number of times (n, B) that each impact counts in each replicate: trials are drawn with replacement."""
     _, unit = np.unique(trials, return_inverse=True)

@@ -3,17 +3,14 @@
 import numpy as np
 import pytest
 
-from thesis_lib.simulate.mechanisms.motions import DEFAULT, releases, wheel
+from thesis_lib.simulate.mechanisms.motions import DEFAULT
 from thesis_lib.thesis.figures.chapter2.forces import figure_2_10, figure_2_11
-from thesis_lib.thesis.identify.wheel.study import WheelStudy, identify, motion_by_mass, wheel_record
+from thesis_lib.thesis.identify.wheel.study import WheelStudy, example_forces, motion_by_mass
 
 
 @pytest.fixture(scope="module")
 def forces():
-    rng = np.random.default_rng(2)
-    q, v = releases("wheel", 1, rng)
-    w = DEFAULT.wheel
-    return identify(wheel_record(q[0], v[0], 280, DEFAULT), wheel(), w.mu, w.epsilon, 40.0, rng)
+    return example_forces(np.random.default_rng(2), WheelStudy(steps=280), DEFAULT)
 
 
 @pytest.mark.slow

@@ -10,8 +10,8 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 import pandas as pd
 
-from thesis_lib.coefficients.cost import MeasuredImpulses, Weighting, target_of
-from thesis_lib.coefficients.ensemble import cost_grid, fit_ensemble
+from thesis_lib.coefficients.cost import MeasuredImpulses, Weighting, misfit_table, target_of
+from thesis_lib.coefficients.ensemble import fit_ensemble
 from thesis_lib.coefficients.individual import fit_individual
 from thesis_lib.contact import LAWS
 from thesis_lib.contact.bounds import irb_bound
@@ -94,9 +94,9 @@ def topography_table(
 ) -> pd.DataFrame:
     """Mean misfit (N s) of n random impacts over a grid of (μ, ε) (figure 3-7 a)."""
     rows = rng.choice(len(impacts), size=min(n, len(impacts)), replace=False)
-    cost = cost_grid(LAWS[law], target_of(impacts)[rows], "impulse", mu, epsilon)
-    grid = {"mu": np.repeat(mu, len(epsilon)), "epsilon": np.tile(epsilon, len(mu)), "cost": cost.ravel()}
-    return pd.DataFrame({"law": law, "n": len(rows), **grid})
+    grid = {"mu": np.repeat(mu, len(epsilon)), "epsilon": np.tile(epsilon, len(mu))}
+    misfits = misfit_table(LAWS[law], target_of(impacts)[rows], **grid, metric="impulse")
+    return pd.DataFrame({"law": law, "n": len(rows), **grid, "cost": np.nanmean(misfits, axis=1)})
 
 
 def convexity_violations(topography: pd.DataFrame) -> float:

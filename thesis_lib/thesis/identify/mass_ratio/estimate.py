@@ -20,7 +20,6 @@ discrete hypotheses).
 
 from dataclasses import dataclass, replace
 from enum import IntEnum
-from functools import cached_property
 
 import numpy as np
 
@@ -83,6 +82,7 @@ class DropEstimates:
         self._q, self._v = without_gravity(h, np.asarray(q), np.asarray(v), gravity)
         self._noise = noise_from_differences(self._q, self._v)
         self._steps = impact_steps(h, self._q, self._v, self._noise)
+        self._sums = ArcSums(h, self._q, self._v)
         self._found: dict[bool, tuple[DropHypotheses, FittedHypotheses]] = {}  # by `use_gap`
 
     def estimate(self, *, law: bool = False, use_gap: bool = True) -> Estimate:
@@ -115,10 +115,6 @@ class DropEstimates:
             drop.estimate_noise(self._steps)
             self._found[use_gap] = drop, drop.fit_best(self._steps)
         return self._found[use_gap]
-
-    @cached_property
-    def _sums(self) -> ArcSums:
-        return ArcSums(self._h, self._q, self._v)
 
 
 def _estimate(best: FittedHypotheses, noise: np.ndarray, sigma: np.ndarray, n: int) -> Estimate:

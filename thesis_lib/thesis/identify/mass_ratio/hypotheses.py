@@ -90,8 +90,11 @@ class DropHypotheses:
         self.sigma = floored(spread, self.sums.q, self.sums.v)
 
     def fit_best(self, steps: np.ndarray) -> FittedHypotheses:
-        """As `fit`, with one impact split into two hits where the samples clearly prefer that."""
-        unsplit = best = self.fit(steps)
+        """Every open hypothesis with as many impacts as `steps` (J,), with free impulses.
+
+        One impact is split into two hits where the samples clearly prefer that.
+        """
+        unsplit = best = self._fit_all(self._near(steps))
         if corner_points(self.shape) is not None:
             for j in range(len(steps)):
                 split = self.fit_split(steps, j, unsplit)
@@ -99,12 +102,8 @@ class DropHypotheses:
                     best = split
         return best
 
-    def fit(self, steps: np.ndarray) -> FittedHypotheses:
-        """Every open hypothesis with as many impacts as `steps` (J,), with free impulses."""
-        return self._fit_all(self._near(steps))
-
     def fit_split(self, steps: np.ndarray, j: int, unsplit: FittedHypotheses) -> FittedHypotheses | None:
-        """As `fit`, with impact j split into two; None if that cannot improve on `unsplit`."""
+        """As `fit_best`, with impact j split into two; None if that cannot improve on `unsplit`."""
         k = steps[j]
         pairs = [
             (a, b)

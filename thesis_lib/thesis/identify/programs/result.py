@@ -51,12 +51,6 @@ class ProgramResult:
         return self.status is SolveStatus.SOLVED
 
 
-def dynamics_residual(window: ContactWindow, theta: np.ndarray, c_n: np.ndarray, c_t: np.ndarray) -> float:
-    """rms of the unexplained generalised force over the largest known one."""
-    residual = window.residual(theta, c_n, c_t)
-    return float(np.sqrt(np.mean(residual**2)) / window.force_scale)
-
-
 def complementarity_residual(window: ContactWindow, c_n: np.ndarray, c_t: np.ndarray) -> float:
     """Natural residual of all complementarity conditions of a window, dimensionless; see above."""
     if not c_n.size:
@@ -90,7 +84,7 @@ def judged(
     if not all(np.isfinite(array).all() for array in (theta, c_n, c_t)):
         status, dynamics, complementarity = SolveStatus.SOLVER_FAILED, float("nan"), float("nan")
     else:
-        dynamics = dynamics_residual(window, theta, c_n, c_t)
+        dynamics = float(np.sqrt(np.mean(window.residual(theta, c_n, c_t) ** 2)) / window.force_scale)
         complementarity = complementarity_residual(window, c_n, c_t)
         if not complementarity <= RESIDUAL_TOLERANCE:
             status = SolveStatus.NOT_COMPLEMENTARY
