@@ -42,24 +42,14 @@ class TestBestAndWorst:
 class TestTable31:
     @pytest.fixture
     def table(self) -> pd.DataFrame:
-        names = list(LAWS)
-        ensemble = pd.DataFrame(
-            [
-                {
-                    "law": law,
-                    "weighting": weighting,
-                    "mu": 0.01 * i + j,
-                    "mu_std": 0.001,
-                    "epsilon": 0.5 + 0.01 * i,
-                    "epsilon_std": 0.002,
-                    "n": 77,
-                    # as read from a file, where empty text is NaN
-                    "at_bound": "mu" if law == SIX_LAWS[0] else np.nan,
-                }
-                for j, weighting in enumerate(("kinetic", "unweighted"))
-                for i, law in enumerate(names)
-            ]
-        )
+        # as read from a file, where empty text is NaN
+        rows = [
+            (law, weighting, 0.01 * i + j, 0.5 + 0.01 * i, "mu" if law == SIX_LAWS[0] else np.nan)
+            for j, weighting in enumerate(("kinetic", "unweighted"))
+            for i, law in enumerate(LAWS)
+        ]
+        ensemble = pd.DataFrame(rows, columns=["law", "weighting", "mu", "epsilon", "at_bound"])
+        ensemble = ensemble.assign(mu_std=0.001, epsilon_std=0.002, n=77)
         # the first law is best in three of four impacts, the second in one; the last is always worst
         defined = {law: [2.0 + i] * 4 for i, law in enumerate(SIX_LAWS)}
         defined[SIX_LAWS[0]] = [1.0, 1.0, 1.0, 3.5]

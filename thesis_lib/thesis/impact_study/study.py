@@ -19,6 +19,7 @@ from thesis_lib.contact.space import contact_space, velocity_error
 from thesis_lib.datasets.format.impacts import Impacts
 from thesis_lib.datasets.impacts.quality import thesis_filter
 from thesis_lib.foundation.randomness import generator
+from thesis_lib.statistics.intervals import mean_of
 from thesis_lib.thesis.impact_study.predictive_range import covered_share
 
 ALL_LAWS = tuple(LAWS)
@@ -157,6 +158,5 @@ def _distance(target: MeasuredImpulses, c_t: np.ndarray, c_n: np.ndarray) -> np.
 def coverage_table(impacts: Impacts, laws: Iterable[str]) -> pd.DataFrame:
     """Share of the admissible set that each law covers, averaged over impacts (figure 3-3)."""
     space = target_of(impacts).space
-    shares = {name: covered_share(LAWS[name], space) for name in laws}
-    rows = [(name, share.mean(), share.std(ddof=1) / np.sqrt(len(share))) for name, share in shares.items()]
+    rows = [(name, *mean_of(covered_share(LAWS[name], space))) for name in laws]
     return pd.DataFrame(rows, columns=["law", "share", "share_std"])
