@@ -14,6 +14,7 @@ from thesis_lib.contact import LAWS, SIX_LAWS
 N = 200
 EXACT = 1e-6  # in μ and ε, far below what any measurement tells
 IMPULSE = 1e-9  # N s; impulses are about 0.1 N s, table 3.2 asks whether errors are below 1e-4
+REACHED = {"impulse": IMPULSE, "velocity": 1e-7}  # N s, m/s: the impulse over the mass, and rounding
 BRUTE_FORCE = 1e-8  # share of the impulse or velocity by which rounding may favour the other search
 # two different pairs (μ, ε) of these reach the same impulse in some impacts, so only the impulse is determined
 AMBIGUOUS = ("anitescu_potra_poisson", "mirtich", "wang_mason", "mirtich_as_published")
@@ -33,19 +34,12 @@ def far_targets(rng: np.random.Generator, n: int) -> MeasuredImpulses:
     return target_of(with_outcome(states, "wang_mason", mu, epsilon, noise=0.15, rng=rng))
 
 
-@pytest.mark.parametrize("name", LAWS)
-def test_noise_free_impulses_are_reached(name, rng):
-    target, _, _ = random_truth(rng, name)
-    fit = fit_individual(LAWS[name], target, "impulse")
-    assert fit.error.max() < IMPULSE
-    assert np.all((fit.mu >= 0) & (fit.mu <= MU_MAX) & (fit.epsilon >= 0) & (fit.epsilon <= 1))
-
-
 @pytest.mark.parametrize("metric", ["impulse", "velocity"])
 @pytest.mark.parametrize("name", sorted(set(LAWS) - set(AMBIGUOUS)))
 def test_parameters_are_recovered_where_they_can_be_observed(name, metric, rng):
     target, mu, epsilon = random_truth(rng, name)
     fit = fit_individual(LAWS[name], target, metric)
+    assert fit.error.max() < REACHED[metric]
     seen = mu < 0.98 * sticking_bound(LAWS[name], target, epsilon)
     assert seen.sum() >= 4
     np.testing.assert_allclose(fit.mu[seen], mu[seen], atol=EXACT)
@@ -56,6 +50,7 @@ def test_parameters_are_recovered_where_they_can_be_observed(name, metric, rng):
 def test_other_parameters_of_ambiguous_laws_give_the_same_impulse(name, rng):
     target, mu, epsilon = random_truth(rng, name)
     fit = fit_individual(LAWS[name], target, "impulse")
+    assert fit.error.max() < IMPULSE
     seen = mu < 0.98 * sticking_bound(LAWS[name], target, epsilon)
     recovered = np.hypot(fit.mu - mu, fit.epsilon - epsilon) < EXACT
     assert recovered[seen].mean() > 0.5

@@ -63,19 +63,15 @@ def fit_ensemble(
     if bootstrap:
         if rng is None:
             raise ValueError("the bootstrap needs rng")
-        weights = _bootstrap_weights(np.arange(n) if trials is None else trials, bootstrap, rng)
+        # how often each impact counts in each replicate (n, B): trials are drawn with replacement
+        _, unit = np.unique(np.arange(n) if trials is None else trials, return_inverse=True)
+        weights = draw_counts(unit.max() + 1, bootstrap, rng).T[unit].astype(float)
         replicates, _, _ = _zoom(law, target, metric, weights)
         std = replicates.std(axis=0, ddof=1) if bootstrap > 1 else std
     edges = {"mu": (best[0], 0.0, MU_MAX), "epsilon": (best[1], 0.0, 1.0)}
     at_bound = tuple(k for k, (x, low, high) in edges.items() if min(x - low, high - x) <= 2 * tolerance)
     (mu, epsilon), (mu_std, epsilon_std) = best.tolist(), std.tolist()
     return EnsembleFit(mu, mu_std, epsilon, epsilon_std, cost, n, n_failed, at_bound)
-
-
-def _bootstrap_weights(trials: np.ndarray, replicates: int, rng: np.random.Generator) -> np.ndarray:
-    """Number of times (n, B) that each impact counts in each replicate: trials are drawn with replacement."""
-    _, unit = np.unique(trials, return_inverse=True)
-    return draw_counts(unit.max() + 1, replicates, rng).T[unit].astype(float)
 
 
 def _zoom(
