@@ -115,7 +115,7 @@ def test_copies_do_not_disturb_each_other(records, rng):
 
 def test_forces_and_parameters_without_noise(records):
     for record in records:
-        window = arm_window(ARM, record.q, record.v, record.f_ext, record.h, MU)
+        window = arm_window(ARM, record, MU)
         assert window_rank(window) == 6
         found = solve_mode_qp(window, "2.12")
         np.testing.assert_allclose(found.theta, base_of(ARM), rtol=1e-8)
@@ -127,8 +127,7 @@ def test_forces_and_parameters_without_noise(records):
 def test_a_disk_in_flight_has_no_identifiable_inertia(records):
     record = records[0]
     flight = int(np.argmax(record.c_n.any(axis=1)))
-    part = record.window(0, flight)
-    assert window_rank(arm_window(ARM, part.q, part.v, part.f_ext, part.h, MU)) < 6
+    assert window_rank(arm_window(ARM, record.window(0, flight), MU)) < 6
 
 
 def test_noise_level_is_found_before_anything_is_known(records, rng):
