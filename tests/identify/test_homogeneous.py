@@ -22,9 +22,9 @@ PROPORTIONAL = (8.0, 12.5)  # errors at ten times the noise, relative: 10 where 
 DROPS = 12
 
 
-def drop(kind: str, seed: int = 0) -> tuple[SimulatedMotion, ContactWindow]:
+def drop(kind: str) -> tuple[SimulatedMotion, ContactWindow]:
     body = BODIES[kind]()
-    (q,), (v,) = releases(kind, 1, np.random.default_rng(seed), DEFAULT)
+    (q,), (v,) = releases(kind, 1, np.random.default_rng(0), DEFAULT)
     record = simulate(body, q, v, None, DEFAULT.h, 200, DEFAULT.mu, DEFAULT.epsilon)
     gravity = tuple(body.gravity(q)[:2] / body.mass)
     return record, free_body_window(record, DEFAULT.mu, gravity=gravity)
@@ -43,16 +43,6 @@ def test_ratios_of_parameters_and_forces_are_found(kind: str, unit: str) -> None
     for forces, true in ((found.c_n, record.c_n), (found.c_t, record.c_t)):
         np.testing.assert_allclose(forces, true / scale, atol=EXACT * np.abs(record.c_n).max() / scale)
     assert singular_values[1] < EXACT < singular_values[0]
-
-
-@pytest.mark.parametrize("kind", ["block", "ellipse"])
-def test_it_is_the_program_of_known_mass_without_its_scale(kind: str) -> None:
-    """Another normalisation of the same problem: a linear one, solved by another program."""
-    _, window = drop(kind, seed=3)
-    known = solve_mode_qp(window.fix({"m": 2.0}))
-    found, _ = solve_homogeneous(window)
-    assert known.theta[0] == pytest.approx(2.0 * found.theta[1], rel=EXACT)
-    np.testing.assert_allclose(known.c_n, 2.0 * found.c_n, atol=EXACT * known.c_n.max())
 
 
 def test_bodies_that_never_touch_each_other_have_a_scale_each() -> None:

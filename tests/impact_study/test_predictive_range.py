@@ -70,11 +70,6 @@ class TestRegion:
         expected = LAWS["mirtich"].impulse(space, np.tan(np.pi / 6), np.asarray(0.25))
         np.testing.assert_allclose((c_t[3, 2], c_n[3, 2]), expected, rtol=1e-12)
 
-    def test_frictionless_edge(self, space):
-        c_t, c_n = region(LAWS["wang_mason"], space, points=5)
-        np.testing.assert_allclose(c_t[0], 0.0, atol=1e-15)
-        np.testing.assert_allclose(c_n[0, -1], -2.0 * space.v_n / space.K_nn, rtol=1e-12)
-
 
 class TestCoveredShare:
     @pytest.mark.parametrize("name", LAWS)
