@@ -26,8 +26,7 @@ def drop(kind: str) -> tuple[SimulatedMotion, ContactWindow]:
     body = BODIES[kind]()
     (q,), (v,) = releases(kind, 1, np.random.default_rng(0), DEFAULT)
     record = simulate(body, q, v, None, DEFAULT.h, 200, DEFAULT.mu, DEFAULT.epsilon)
-    gravity = tuple(body.gravity(q)[:2] / body.mass)
-    return record, free_body_window(record, DEFAULT.mu, gravity=gravity)
+    return record, free_body_window(record, DEFAULT.mu, body)
 
 
 @pytest.mark.parametrize("kind", ["block", "ellipse", "wheel"])
@@ -107,7 +106,7 @@ def noisy_errors(snr: float) -> tuple[np.ndarray, np.ndarray]:
         noisy = add_noise(record, snr, rng)
         states = States.of(body, record.h, noisy.q, noisy.v, np.zeros((record.steps, 3)))
         gap, slip = contact_tolerances(body, noisy.sigma)
-        window = free_body_window(states, DEFAULT.mu, gap_tolerance=gap, v_tolerance=slip)
+        window = free_body_window(states, DEFAULT.mu, body, gap_tolerance=gap, v_tolerance=slip)
         free = solve_homogeneous(window)[0].theta[1]
         known = solve_mode_qp(window.fix({"m": body.mass})).theta[0]
         errors.append((free / (body.inertia / body.mass) - 1.0, known / body.inertia - 1.0))

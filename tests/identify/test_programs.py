@@ -126,7 +126,7 @@ def test_projection_makes_the_manifold_exact_and_strict_programs_usable() -> Non
     moved = project_to_contact(measured, body, a_free=a_free, gap_tolerance=0.01, v_tolerance=0.05, metric=np.ones(3))
     assert moved.closed.any() and np.abs(moved.phi[moved.closed]).max() < 1e-10
     assert np.linalg.norm(moved.q - noisy.q, axis=1).max() < 0.2
-    window = free_body_window(moved, mu, known={"m": 1.0}, closed=moved.closed)
+    window = free_body_window(moved, mu, body, known={"m": 1.0}, closed=moved.closed)
     impact = record.c_n.argmax()
     found = solve_mode_qp(window, dynamics_tolerance=1.0)
     assert found.complementarity < 1e-8
@@ -138,7 +138,7 @@ def test_nan_in_the_data_is_said_with_its_step() -> None:
     v = record.v.copy()
     v[50, 1] = np.nan
     with pytest.raises(UserError, match="not finite at step 49 of the window"):
-        free_body_window(replace(record, v=v), 0.7, known={"m": 1.0})
+        free_body_window(replace(record, v=v), 0.7, block(), known={"m": 1.0})
 
 
 def test_ipopt_is_not_asked_for_more_equations_than_unknowns(monkeypatch: pytest.MonkeyPatch) -> None:

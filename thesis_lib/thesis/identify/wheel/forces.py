@@ -113,15 +113,14 @@ def plain_forces(
     """
     _check(h, q, v)
     states = States.of(wheel, h, q, v, np.zeros((len(q) - 1, 3)))
-    gravity = tuple(wheel.gravity(q[0])[:2] / wheel.mass)
     if sigma is None:
-        return solve_mode_qp(free_body_window(states, mu, gravity=gravity, known={"m": wheel.mass}))
+        return solve_mode_qp(free_body_window(states, mu, wheel, known={"m": wheel.mass}))
     # gap y + r_y and velocity v_x - r_y ω of a tip within half a spoke's angle of the foot point
     reach = wheel.length * np.sin(np.pi / wheel.spokes)
     window = free_body_window(
         states,
         mu,
-        gravity=gravity,
+        wheel,
         known={"m": wheel.mass},
         gap_tolerance=TOLERANCE * float(np.hypot(sigma[0, 1], reach * sigma[0, 2])),
         v_tolerance=TOLERANCE * float(np.hypot(sigma[1, 0], wheel.length * sigma[1, 2])),
