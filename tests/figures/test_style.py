@@ -13,8 +13,7 @@ import pytest
 from fontTools.subset import Options
 from fontTools.ttLib import TTFont
 
-from thesis_lib.contact import LAWS, SIX_LAWS
-from thesis_lib.figures.law_style import BOUND_STYLE, LAW_STYLE, style_of
+from thesis_lib.figures.law_style import BOUND_STYLE, LAW_STYLE
 from thesis_lib.figures.style import house_style, new_figure, save_figure
 from thesis_lib.thesis.figures.chapter3.contact_space import GROUPS
 
@@ -82,13 +81,6 @@ def test_a_column_without_unit_and_meaning_is_refused(tmp_path):
     with pytest.raises(KeyError, match="wobble"):
         save_figure(figure, table.assign(wobble=1.0), tmp_path / "figure")
     assert not list(tmp_path.iterdir())
-
-
-def test_laws_keep_their_title_and_look_in_both_variants():
-    assert tuple(LAW_STYLE) == SIX_LAWS
-    for name in SIX_LAWS:
-        assert LAW_STYLE[name].label == LAWS[name].title
-        assert style_of(f"{name}_as_published") is style_of(name) is LAW_STYLE[name]
 
 
 def test_laws_and_bounds_differ_in_colour_and_within_a_panel_also_without():

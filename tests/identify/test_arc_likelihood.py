@@ -1,5 +1,6 @@
 """m/I from noisy drops: the likelihood against independent computations, the estimates against the truth."""
 
+from dataclasses import replace
 from typing import get_args
 
 import numpy as np
@@ -24,7 +25,6 @@ from thesis_lib.thesis.identify.mass_ratio.table_2_1 import METHODS, Table21, ma
 from thesis_lib.thesis.identify.segmentation import without_gravity
 
 H, G, MU = DEFAULT.h, DEFAULT.gravity, DEFAULT.mu
-BODIES = {"block": block, "ellipse": ellipse}
 KINDS = pytest.mark.parametrize("kind", ["block", "ellipse"])
 
 
@@ -32,8 +32,12 @@ def truth(body):
     return body.mass / body.inertia
 
 
-def estimate_ratio(h, q, v, shape, gravity=G, **assumed) -> Estimate:
-    return DropEstimates(h, q, v, shape, gravity).estimate(**assumed)
+def estimate_ratio(states, shape, **assumed) -> Estimate:
+    return DropEstimates(H, states.q, states.v, shape, G).estimate(**assumed)
+
+
+def noisy_estimates(drops, snr, rng, shape=None, **assumed) -> list[Estimate]:
+    return [estimate_ratio(add_noise(r, snr, rng), shape or drops.body.shape, **assumed) for r in drops.records]
 
 
 def statistics_of(record, steps, sigma):
@@ -99,7 +103,7 @@ def test_estimates_of_one_drop_are_those_made_alone(rng):
     shared = DropEstimates(H, noisy.q, noisy.v, drops.body.shape, G)
     values = set()
     for law, use_gap in ((False, False), (False, True), (True, True)):
-        alone = estimate_ratio(H, noisy.q, noisy.v, drops.body.shape, G, law=law, use_gap=use_gap)
+        alone = estimate_ratio(noisy, drops.body.shape, law=law, use_gap=use_gap)
         found = shared.estimate(law=law, use_gap=use_gap)
         assert (found.value, found.std, found.chi2) == (alone.value, alone.std, alone.chi2)
         values.add(found.value)
@@ -170,36 +174,31 @@ def test_bound_is_that_of_the_samples(kind, rng):
 def test_exact_states_give_the_ratio(kind, law, rng):
     drops = make_drops(kind, 10, rng)
     for record in drops.records:
-        out = estimate_ratio(H, record.q, record.v, drops.body.shape, law=law)
+        out = estimate_ratio(record, drops.body.shape, law=law)
         assert out.status == EstimateStatus.OK
         assert out.value == pytest.approx(truth(drops.body), rel=1e-5)
 
 
 def test_law_finds_restitution(rng):
-    drops = make_drops("ellipse", 5, rng)
-    for record in drops.records:
-        noisy = add_noise(record, 40.0, rng)
-        assert estimate_ratio(H, noisy.q, noisy.v, drops.body.shape, law=True).epsilon == pytest.approx(0.6, abs=0.02)
+    found = noisy_estimates(make_drops("ellipse", 5, rng), 40.0, rng, law=True)
+    assert [out.epsilon for out in found] == pytest.approx([0.6] * 5, abs=0.02)
 
 
 def test_estimate_does_not_depend_on_place_or_mirror(rng):
     drops = make_drops("ellipse", 1, rng)
     noisy = add_noise(drops.records[0], 30.0, rng)
     shape, sign = drops.body.shape, np.array([-1.0, 1.0, -1.0])
-    value = estimate_ratio(H, noisy.q, noisy.v, shape).value
+    value = estimate_ratio(noisy, shape).value
     for q, v in ((noisy.q + [7.0, 0.0, np.pi], noisy.v), (noisy.q * sign, noisy.v * sign)):
-        assert estimate_ratio(H, q, v, shape).value == pytest.approx(value, rel=1e-6)
+        assert estimate_ratio(replace(noisy, q=q, v=v), shape).value == pytest.approx(value, rel=1e-6)
 
 
 @KINDS
 def test_stated_standard_deviations_hold(kind, rng):
     drops = make_drops(kind, 25, rng)
-    scaled = []
-    for record in drops.records:
-        noisy = add_noise(record, 20.0, rng)
-        out = estimate_ratio(H, noisy.q, noisy.v, drops.body.shape)
-        assert out.status == EstimateStatus.OK
-        scaled.append((out.value - truth(drops.body)) / out.std)
+    found = noisy_estimates(drops, 20.0, rng)
+    assert {out.status for out in found} == {EstimateStatus.OK}
+    scaled = [(out.value - truth(drops.body)) / out.std for out in found]
     # of 25 standard normals: the mean spreads by 0.2, the root mean square by 0.14
     assert abs(np.mean(scaled)) < 0.7
     assert 0.55 < np.sqrt(np.mean(np.square(scaled))) < 1.5
@@ -211,8 +210,7 @@ def test_two_corners_in_successive_steps(rng):
     close = [i for i, found in enumerate(drops.impacts) if np.diff(found.steps).min() <= 3]
     assert len(close) >= 5
     for i in close:
-        noisy = add_noise(drops.records[i], 40.0, rng)
-        out = estimate_ratio(H, noisy.q, noisy.v, drops.body.shape)
+        out = estimate_ratio(add_noise(drops.records[i], 40.0, rng), drops.body.shape)
         assert out.status == EstimateStatus.OK
         assert out.impacts == tuple(drops.impacts[i].steps)
         assert abs(out.value - 6.0) < 4.5 * out.std
@@ -221,9 +219,8 @@ def test_two_corners_in_successive_steps(rng):
 def test_a_wrong_shape_is_not_believed(rng):
     drops = make_drops("block", 10, rng)
     larger = Polygon(vertices=tuple((1.3 * x, 1.3 * y) for x, y in drops.body.shape.vertices))
-    states = [add_noise(record, 40.0, rng) for record in drops.records]
-    status = [estimate_ratio(H, s.q, s.v, larger).status for s in states]
-    assert sum(s == EstimateStatus.MISFIT for s in status) >= 8
+    found = noisy_estimates(drops, 40.0, rng, larger)
+    assert sum(out.status == EstimateStatus.MISFIT for out in found) >= 8
 
 
 def test_a_law_that_does_not_hold_is_set_aside(rng):
@@ -235,8 +232,7 @@ def test_a_law_that_does_not_hold_is_set_aside(rng):
         impacts = true_impacts(record, MU)
         if len(impacts.steps) < 4 or len(set(impacts.vertices[:3])) == 1 or not impacts.alone[:3].all():
             continue
-        noisy = add_noise(record.window(0, int(impacts.steps[3])), 40.0, rng)
-        out = estimate_ratio(H, noisy.q, noisy.v, body.shape, law=True)
+        out = estimate_ratio(add_noise(record.window(0, int(impacts.steps[3])), 40.0, rng), body.shape, law=True)
         if out.status == EstimateStatus.OK:
             used.append(out.law)
             assert abs(out.value - 6.0) < 6.0 * out.std
@@ -248,17 +244,14 @@ def test_drag_is_not_taken_for_flight(rng):
     body = ellipse()
     q, v = (a[0] for a in releases("ellipse", 1, rng))
     drag = simulate(body, q, v, None, H, 250, MU, 0.6, hidden=lambda t, q, v: -2.0 * v)
-    noisy = add_noise(drag, 40.0, rng)
-    assert estimate_ratio(H, noisy.q, noisy.v, body.shape).status != EstimateStatus.OK
+    assert estimate_ratio(add_noise(drag, 40.0, rng), body.shape).status != EstimateStatus.OK
 
 
 def test_flight_alone_says_nothing(rng):
     body = block()
     record = simulate(body, np.array([0.0, 5.0, 0.3]), np.array([1.0, 0.0, 2.0]), None, H, 100, MU, 0.6)
-    noisy = add_noise(record, 40.0, rng)
-    out = estimate_ratio(H, noisy.q, noisy.v, body.shape)
-    assert out.status == EstimateStatus.NO_IMPACT
-    assert np.isnan(out.value)
+    out = estimate_ratio(add_noise(record, 40.0, rng), body.shape)
+    assert out.status == EstimateStatus.NO_IMPACT and np.isnan(out.value)
     sigma = np.full((2, 3), 0.01)
     assert np.isinf(ratio_bound(H, record.q, record.v, sigma, true_impacts(record, MU), body.shape))
 

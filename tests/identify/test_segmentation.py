@@ -17,15 +17,6 @@ from thesis_lib.thesis.identify.segmentation import (
 H, G = 5e-3, 9.81
 
 
-def test_without_gravity_flights_are_straight(rng):
-    record = make_drops("block", 1, rng).records[0]
-    q, v = without_gravity(H, record.q, record.v, G)
-    first = int(np.flatnonzero((record.c_n > 0).any(axis=1))[0])
-    np.testing.assert_allclose(v[: first + 1], np.broadcast_to(v[0], (first + 1, 3)), atol=1e-12)
-    line = q[0] + H * np.arange(first + 1)[:, None] * v[0]
-    np.testing.assert_allclose(q[: first + 1], line, atol=1e-12)
-
-
 def test_flight_costs_are_those_of_least_squares(rng):
     q, v = rng.normal(size=(12, 3)), rng.normal(size=(12, 3))
     sigma = rng.uniform(0.5, 2.0, (2, 3))

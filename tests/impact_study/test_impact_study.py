@@ -51,14 +51,8 @@ class TestSplit:
         for mask, side in ((train, 1), (~train, 0), (train | True, None)):
             chosen = study.pick(impacts, split, side)
             np.testing.assert_array_equal(chosen.v_pre, impacts.v_pre[mask])
-
-    def test_pick_leaves_out_what_was_not_studied(self, impacts):
-        split = study.split_table(impacts, np.ones(60, dtype=bool)).iloc[[3, 17]]
-        chosen = study.pick(impacts, split)
-        keys = set(zip(chosen.trial, chosen.impact))
-        assert keys == {(impacts.trial[i], impacts.impact[i]) for i in (3, 17)}
         # the same number of an impact in another trial is another impact
-        assert len(chosen) == 2
+        np.testing.assert_array_equal(study.pick(impacts, split.iloc[[3, 17]]).q, impacts.q[[3, 17]])
 
 
 class TestSelect:
@@ -152,20 +146,19 @@ class TestTopography:
         mu, epsilon = np.meshgrid(np.linspace(-1, 1, 11), np.linspace(-1, 1, 9), indexing="ij")
         return pd.DataFrame({"mu": mu.ravel(), "epsilon": epsilon.ravel(), "cost": cost(mu, epsilon).ravel()})
 
-    def test_convex_costs_have_no_violations(self):
-        for cost in (
-            lambda x, y: x**2 + 3 * x * y + 4 * y**2,
-            lambda x, y: np.hypot(x, y),
-            lambda x, y: 1.0 + 2 * x - y,
-        ):
-            assert study.convexity_violations(self.grid(cost)) == 0.0
-
-    def test_concave_and_saddle_costs_violate(self):
-        assert study.convexity_violations(self.grid(lambda x, y: -(x**2) - y**2)) == 1.0
-        # convex along both axes, concave along one diagonal only
-        saddle = study.convexity_violations(self.grid(lambda x, y: x**2 + 3 * x * y + y**2))
-        diagonal, triples = 9 * 7, 9 * 9 + 11 * 7 + 2 * 9 * 7
-        assert saddle == pytest.approx(diagonal / triples)
+    @pytest.mark.parametrize(
+        ("cost", "share"),
+        [
+            (lambda x, y: x**2 + 3 * x * y + 4 * y**2, 0.0),
+            (lambda x, y: np.hypot(x, y), 0.0),
+            (lambda x, y: 1.0 + 2 * x - y, 0.0),
+            (lambda x, y: -(x**2) - y**2, 1.0),
+            # convex along both axes, concave along one diagonal only
+            (lambda x, y: x**2 + 3 * x * y + y**2, 9 * 7 / (9 * 9 + 11 * 7 + 2 * 9 * 7)),
+        ],
+    )
+    def test_costs_violate_where_they_are_not_convex(self, cost, share):
+        assert study.convexity_violations(self.grid(cost)) == pytest.approx(share)
 
     def test_one_dent_is_found(self):
         table = self.grid(lambda x, y: x**2 + y**2)
@@ -223,13 +216,6 @@ class TestHeldOut:
             np.testing.assert_allclose(part["impulse_error"], distance, rtol=1e-9)
         bound = irb_bound(impacts.v_pre, impacts.v_post, impacts.r, **body).error
         np.testing.assert_array_equal(table.loc[table["model"] == "irb_bound", "velocity_error"], bound)
-
-    def test_the_bound_is_below_every_law_that_keeps_its_promises(self, impacts, ensemble, none_for_training):
-        wide = study.held_out_errors(impacts, none_for_training, ensemble, "kinetic").pivot(
-            index=["trial", "impact"], columns="model", values="velocity_error"
-        )
-        for law in ("wang_mason", "mirtich", "anitescu_potra_poisson"):
-            assert (wide["irb_bound"] <= wide[law] + 1e-12).all()
 
     def test_held_out_outcomes_do_not_reach_the_parameters(self, impacts, rng):
         """Spoiling every held-out outcome leaves the parameters as they are, and raises the held-out error."""

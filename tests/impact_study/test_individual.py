@@ -7,13 +7,14 @@ import pytest
 from known_truth import falling_ellipses, with_outcome
 from scipy.optimize import differential_evolution
 
-from thesis_lib.coefficients.cost import MeasuredImpulses, misfit, target_of
+from thesis_lib.coefficients.cost import MeasuredImpulses, misfit, misfit_of_impulse, target_of
 from thesis_lib.coefficients.individual import MU_MAX, STUCK, fit_individual, sticking_bound
 from thesis_lib.contact import LAWS, SIX_LAWS
 
 N = 200
 EXACT = 1e-6  # in μ and ε, far below what any measurement tells
 IMPULSE = 1e-9  # N s; impulses are about 0.1 N s, table 3.2 asks whether errors are below 1e-4
+REACHED = {"impulse": IMPULSE, "velocity": 1e-7}  # N s, m/s: the impulse over the mass, and rounding
 BRUTE_FORCE = 1e-8  # share of the impulse or velocity by which rounding may favour the other search
 # two different pairs (μ, ε) of these reach the same impulse in some impacts, so only the impulse is determined
 AMBIGUOUS = ("anitescu_potra_poisson", "mirtich", "wang_mason", "mirtich_as_published")
@@ -33,19 +34,12 @@ def far_targets(rng: np.random.Generator, n: int) -> MeasuredImpulses:
     return target_of(with_outcome(states, "wang_mason", mu, epsilon, noise=0.15, rng=rng))
 
 
-@pytest.mark.parametrize("name", LAWS)
-def test_noise_free_impulses_are_reached(name, rng):
-    target, _, _ = random_truth(rng, name)
-    fit = fit_individual(LAWS[name], target, "impulse")
-    assert fit.error.max() < IMPULSE
-    assert np.all((fit.mu >= 0) & (fit.mu <= MU_MAX) & (fit.epsilon >= 0) & (fit.epsilon <= 1))
-
-
 @pytest.mark.parametrize("metric", ["impulse", "velocity"])
 @pytest.mark.parametrize("name", sorted(set(LAWS) - set(AMBIGUOUS)))
 def test_parameters_are_recovered_where_they_can_be_observed(name, metric, rng):
     target, mu, epsilon = random_truth(rng, name)
     fit = fit_individual(LAWS[name], target, metric)
+    assert fit.error.max() < REACHED[metric]
     seen = mu < 0.98 * sticking_bound(LAWS[name], target, epsilon)
     assert seen.sum() >= 4
     np.testing.assert_allclose(fit.mu[seen], mu[seen], atol=EXACT)
@@ -56,6 +50,7 @@ def test_parameters_are_recovered_where_they_can_be_observed(name, metric, rng):
 def test_other_parameters_of_ambiguous_laws_give_the_same_impulse(name, rng):
     target, mu, epsilon = random_truth(rng, name)
     fit = fit_individual(LAWS[name], target, "impulse")
+    assert fit.error.max() < IMPULSE
     seen = mu < 0.98 * sticking_bound(LAWS[name], target, epsilon)
     recovered = np.hypot(fit.mu - mu, fit.epsilon - epsilon) < EXACT
     assert recovered[seen].mean() > 0.5
@@ -67,32 +62,18 @@ def test_other_parameters_of_ambiguous_laws_give_the_same_impulse(name, rng):
 
 @pytest.mark.parametrize("metric", ["impulse", "velocity"])
 @pytest.mark.parametrize("name", SIX_LAWS)
-def test_never_worse_than_a_dense_grid(name, metric, rng):
-    target = far_targets(rng, 10)
-    mu, epsilon = MU_MAX * np.linspace(0, 1, DENSE[0]) ** 2, np.linspace(0, 1, DENSE[1])
-    fit = fit_individual(LAWS[name], target, metric)
-    scale = misfit(replace_impulse_by_zero(LAWS[name]), target, 0.0, 0.0, metric)
-    for i in range(len(target)):
-        grid = misfit(LAWS[name], target[i : i + 1], mu[:, None], epsilon[None, :], metric)
-        assert fit.error[i] <= np.nanmin(grid) + BRUTE_FORCE * scale[i]
-
-
-def replace_impulse_by_zero(law):
-    return replace(law, impulse=lambda space, mu, epsilon: (0.0 * space.v_n, 0.0 * space.v_n))
-
-
-@pytest.mark.parametrize("metric", ["impulse", "velocity"])
-@pytest.mark.parametrize("name", SIX_LAWS)
-def test_no_neighbour_is_better(name, metric, rng):
+def test_no_neighbour_and_no_point_of_a_dense_grid_is_better(name, metric, rng):
     """Random steps of all sizes from 0.1 down to 1e-7, for impacts within and outside the law's range."""
     target = far_targets(rng, 40)
     fit = fit_individual(LAWS[name], target, metric)
+    slack = BRUTE_FORCE * misfit_of_impulse(target, 0.0, 0.0, metric)
     step = 10.0 ** rng.uniform(-7, -1, (2000, 1)) * rng.standard_normal((2, 2000, 40))
-    mu = np.clip(fit.mu + step[0], 0, MU_MAX)
-    epsilon = np.clip(fit.epsilon + step[1], 0, 1)
-    near = np.nanmin(misfit(LAWS[name], target, mu, epsilon, metric), axis=0)
-    scale = misfit(replace_impulse_by_zero(LAWS[name]), target, 0.0, 0.0, metric)
-    assert np.all(fit.error <= near + BRUTE_FORCE * scale)
+    mu, epsilon = np.clip(fit.mu + step[0], 0, MU_MAX), np.clip(fit.epsilon + step[1], 0, 1)
+    assert np.all(fit.error <= np.nanmin(misfit(LAWS[name], target, mu, epsilon, metric), axis=0) + slack)
+    mu, epsilon = MU_MAX * np.linspace(0, 1, DENSE[0]) ** 2, np.linspace(0, 1, DENSE[1])
+    for i in range(10):
+        grid = misfit(LAWS[name], target[i : i + 1], mu[:, None], epsilon[None, :], metric)
+        assert fit.error[i] <= np.nanmin(grid) + slack[i]
 
 
 @pytest.mark.slow
@@ -163,8 +144,3 @@ class TestStickingBound:
         c_t, c_n = law.impulse(target.space, np.maximum(bound - 1e-6, 0.0), epsilon)
         off = np.hypot(c_t - final_t, c_n - final_n) / np.hypot(final_t, final_n)
         assert np.all(off[below] > STUCK * (1 - 1e-2))
-
-    def test_reported_friction_does_not_exceed_it(self, rng):
-        for name in SIX_LAWS:
-            fit = fit_individual(LAWS[name], far_targets(rng, 50), "impulse")
-            assert np.all(fit.mu <= fit.mu_s)

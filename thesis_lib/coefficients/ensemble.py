@@ -6,7 +6,7 @@ neighbourhood of the best points.  Standard errors come from the bootstrap over 
 on the same table: all replicates zoom together until their spread fills the box.
 """
 
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
@@ -26,19 +26,17 @@ class EnsembleFit:
     """Ensemble parameters with bootstrap standard errors."""
 
     mu: float
-    epsilon: float
-    cost: float  # mean misfit in the metric's unit
     mu_std: float
+    epsilon: float
     epsilon_std: float
+    cost: float  # mean misfit in the metric's unit
     n: int
     n_failed: int
     at_bound: tuple[str, ...]  # parameters at the edge of their box, whose standard errors are then meaningless
-    replicates: np.ndarray  # (B, 2) the bootstrap's (μ, ε)
 
     def columns(self) -> dict[str, Any]:
-        """A table row without the replicates, with `at_bound` as text."""
-        names = ("mu", "mu_std", "epsilon", "epsilon_std", "cost", "n", "n_failed")
-        return {name: getattr(self, name) for name in names} | {"at_bound": ";".join(self.at_bound)}
+        """A table row, with `at_bound` as text."""
+        return asdict(self) | {"at_bound": ";".join(self.at_bound)}
 
 
 def fit_ensemble(
@@ -61,30 +59,19 @@ def fit_ensemble(
     if n == 0:
         raise ValueError("there are no impacts to identify from")
     (best,), cost, n_failed = _zoom(law, target, metric, np.ones((n, 1)), tolerance)
-    replicates = np.zeros((0, 2))
+    std = np.full(2, np.nan)
     if bootstrap:
         if rng is None:
             raise ValueError("the bootstrap needs rng")
-        weights = _bootstrap_weights(np.arange(n) if trials is None else trials, bootstrap, rng)
+        # how often each impact counts in each replicate (n, B): trials are drawn with replacement
+        _, unit = np.unique(np.arange(n) if trials is None else trials, return_inverse=True)
+        weights = draw_counts(unit.max() + 1, bootstrap, rng).T[unit].astype(float)
         replicates, _, _ = _zoom(law, target, metric, weights)
-    std = replicates.std(axis=0, ddof=1) if bootstrap > 1 else np.full(2, np.nan)
+        std = replicates.std(axis=0, ddof=1) if bootstrap > 1 else std
     edges = {"mu": (best[0], 0.0, MU_MAX), "epsilon": (best[1], 0.0, 1.0)}
     at_bound = tuple(k for k, (x, low, high) in edges.items() if min(x - low, high - x) <= 2 * tolerance)
-    return EnsembleFit(
-        float(best[0]), float(best[1]), cost, float(std[0]), float(std[1]), n, n_failed, at_bound, replicates
-    )
-
-
-def cost_grid(law: Law, target: MeasuredImpulses, metric: Metric, mu: np.ndarray, epsilon: np.ndarray) -> np.ndarray:
-    """Mean misfit (I, J) on the grid mu (I,) × epsilon (J,), for figure 3-7."""
-    table = misfit_table(law, target, np.repeat(mu, len(epsilon)), np.tile(epsilon, len(mu)), metric)
-    return np.nanmean(table, axis=1).reshape(len(mu), len(epsilon))
-
-
-def _bootstrap_weights(trials: np.ndarray, replicates: int, rng: np.random.Generator) -> np.ndarray:
-    """Number of times (n, B) that each impact counts in each replicate: trials are drawn with replacement."""
-    _, unit = np.unique(trials, return_inverse=True)
-    return draw_counts(unit.max() + 1, replicates, rng).T[unit].astype(float)
+    (mu, epsilon), (mu_std, epsilon_std) = best.tolist(), std.tolist()
+    return EnsembleFit(mu, mu_std, epsilon, epsilon_std, cost, n, n_failed, at_bound)
 
 
 def _zoom(

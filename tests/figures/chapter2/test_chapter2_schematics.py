@@ -3,7 +3,7 @@
 import numpy as np
 import pandas as pd
 import pytest
-from matplotlib.figure import Figure
+from legible import assert_legible, assert_schematic
 
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.simulate.mechanisms.motions import block, disk, ellipse, rod, wheel
@@ -20,7 +20,6 @@ from thesis_lib.thesis.figures.chapter2.schematics import (
 
 EXACT = 1e-12  # m, rad: closed forms up to double precision
 OUTLINE = 2e-3  # m: the lowest of the ellipse's outline of 180 points is that far from its lowest point at most
-SMALLEST_TEXT = 7.0  # pt
 BLOCK_POSE, ELLIPSE_POSE = np.array([0.2, 1.05, 0.35]), np.array([-0.1, 2.1, 0.5])
 
 
@@ -48,25 +47,9 @@ def angle_drawn(table: pd.DataFrame, series: str, centre: np.ndarray) -> float:
     return float(np.unwrap(np.arctan2(arm[:, 1], arm[:, 0]))[[0, -1]] @ [-1.0, 1.0])
 
 
-def assert_legible(figure: Figure) -> None:
-    """No text is small, covers another one or leaves the figure."""
-    renderer = figure.canvas.get_renderer()
-    figure.draw(renderer)
-    texts = [text for ax in figure.axes for text in ax.texts if text.get_text()]
-    boxes = [text.get_window_extent(renderer) for text in texts]
-    assert texts and min(text.get_fontsize() for text in texts) >= SMALLEST_TEXT
-    for i, box in enumerate(boxes):
-        assert box.x0 >= 0.0 and box.y0 >= 0.0 and box.x1 <= figure.bbox.x1 and box.y1 <= figure.bbox.y1
-        for text, other in zip(texts[:i], boxes[:i]):
-            assert not box.overlaps(other), f"{texts[i].get_text()} covers {text.get_text()}"
-
-
 @pytest.mark.parametrize("name", FIGURES)
 def test_to_scale_and_legible(name):
-    figure, table = FIGURES[name]()
-    assert_legible(figure)
-    assert all(ax.get_aspect() == 1.0 for ax in figure.axes)
-    assert np.isfinite(table[["x", "y"]].to_numpy()).all()
+    assert_schematic(*FIGURES[name]())
 
 
 def test_legibility_check_can_fail():

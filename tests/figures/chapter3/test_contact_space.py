@@ -34,13 +34,6 @@ def test_outline_encloses_exactly_what_the_law_reaches(name):
     assert polygon_area(outline) == pytest.approx(cell_area(LAWS[name]), rel=AREA, abs=1e-6 * whole)
 
 
-def test_area_test_can_fail():
-    """A chord instead of the curved edge of the published Drumwright-Shell region is noticed."""
-    outline = region_outline(LAWS["drumwright_shell_as_published"], EXAMPLE.space(BODY), points=2)
-    area = cell_area(LAWS["drumwright_shell_as_published"])
-    assert abs(polygon_area(outline) - area) > AREA * area
-
-
 def test_contact_point_is_the_lowest_and_r_leads_to_it():
     _, table = figure_3_1(BODY)
     at = {name: part[["x", "y"]].to_numpy() for name, part in table.groupby("series")}

@@ -5,7 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 import pytest
-from small_study import BODY, TRUTH, made_impacts
+from known_truth import falling_ellipses
+from small_study import TRUTH
 
 from thesis_lib.coefficients.cost import contact_momentum, target_of
 from thesis_lib.contact import LAWS, SIX_LAWS
@@ -13,10 +14,9 @@ from thesis_lib.contact.space import beyond_sticking, contact_space
 from thesis_lib.figures.style import save_figure
 from thesis_lib.foundation.columns import explain
 from thesis_lib.foundation.errors import UserError
-from thesis_lib.thesis.figures.chapter3.contact_space import figure_3_11
+from thesis_lib.thesis.figures.chapter3.contact_space import figure_3_11, spin_reversal_case, zero_friction_case
 from thesis_lib.thesis.figures.chapter3.errors import figure_3_8, figure_3_9
 from thesis_lib.thesis.figures.chapter3.identification import figure_3_7, figure_3_10
-from thesis_lib.thesis.impact_study.shown import spin_reversal_case, zero_friction_case
 from thesis_lib.thesis.records.catalogue import records
 
 ROUNDING = 1e-9  # N s on impulses of order 0.1 N s: double precision
@@ -42,15 +42,6 @@ def test_all_can_be_saved_and_every_column_is_explained(study, tmp_path):
         assert (tmp_path / f"{name}.png").stat().st_size > 10_000
 
 
-def test_two_runs_give_equal_bytes(study, tmp_path):
-    for folder in ("a", "b"):
-        save_figure(
-            *figure_3_9(study.impacts, study.errors, "mirtich", mass_known=True), tmp_path / folder / "figure_3_9"
-        )
-    for name in (f"figure_3_9{suffix}" for suffix in (".png", ".pdf", ".csv")):
-        assert (tmp_path / "a" / name).read_bytes() == (tmp_path / "b" / name).read_bytes()
-
-
 def test_cost_and_convergence_are_those_of_the_tables(study):
     _, table = figure_3_7(study.topography, study.convergence, mass_known=False)
     assert table.loc[table["panel"] == "a", "cost"].tolist() == study.topography["cost"].tolist()
@@ -64,14 +55,6 @@ def test_shares_below_an_error_agree_with_the_errors(study):
     for row in curve.iloc[[10, 50, 90]].itertuples():
         assert np.mean(values <= row.error) == pytest.approx(row.share_below, abs=1.0 / len(values))
     assert set(table.loc[table["variant"] == "as_defined", "model"]) == {*SIX_LAWS, "best_post_hoc", "irb_bound"}
-
-
-def test_best_post_hoc_is_never_worse_than_a_law_and_the_bound_never_worse_than_it(study):
-    _, table = figure_3_8(study.errors)
-    wide = table.query("panel == 'cumulative' and variant == 'as_defined'").pivot(
-        index="share_below", columns="model", values="error"
-    )
-    assert (wide["best_post_hoc"] <= wide[list(SIX_LAWS)].min(axis=1) + ROUNDING).all()
 
 
 def test_failed_solves_lower_the_curve_instead_of_vanishing(study):
@@ -120,7 +103,7 @@ def test_individual_parameters_and_their_densities(study):
 def farthest_beyond(name):
     """Largest distance in N s beyond the line of sticking, over random impacts and parameters."""
     rng = np.random.default_rng(5)
-    impacts = made_impacts(2000, rng, noise=0.0)
+    impacts = falling_ellipses(rng, 6000)
     mu, epsilon = rng.uniform(size=(2, len(impacts)))
     out = LAWS[name](impacts.v_pre, impacts.r, mass=impacts.mass, k_g=impacts.k_g, mu=mu, epsilon=epsilon)
     target = target_of(replace(impacts, v_post=out.v_post))
@@ -139,7 +122,7 @@ def test_laws_that_do_against_the_thesis(name):
 
 
 def test_spin_reversal_case_is_the_median_of_those_beyond():
-    target = target_of(made_impacts(9, np.random.default_rng(6), noise=0.0))
+    target = target_of(falling_ellipses(np.random.default_rng(6), 9, law=TRUTH, mu=0.1, epsilon=0.5))
     space, n = target.space, len(target)
     without = space.v_t + space.K_tn * target.c_n
     stick = -without / space.K_tt
@@ -156,7 +139,7 @@ def test_spin_reversal_case_is_the_median_of_those_beyond():
 
 
 def test_zero_friction_case_is_central_and_worst():
-    impacts = made_impacts(12, np.random.default_rng(7))
+    impacts = falling_ellipses(np.random.default_rng(7), 12)
     n = len(impacts)
     r = impacts.r.copy()
     r[:, 0] = np.linspace(0.01, 0.02, n)
@@ -174,7 +157,8 @@ def test_cases_show_the_measured_impulse(study):
     _, table = figure_3_11(study.impacts, study.individual, study.ensemble, TRUTH, mass_known=True)
     target = target_of(study.impacts)
     for _, part in table.groupby("panel"):
-        row = np.flatnonzero(study.impacts.trial == part["trial"].iloc[0])[0]
+        trial, impact = part[["trial", "impact"]].iloc[0]
+        row = np.flatnonzero((study.impacts.trial == trial) & (study.impacts.impact == impact))[0]
         point = part[part["series"] == "measured impulse"].iloc[0]
         assert (point["c_t"], point["c_n"]) == pytest.approx((target.c_t[row], target.c_n[row]))
 
@@ -188,4 +172,3 @@ def test_tiny_data_is_drawn(study):
     figure_3_9(few, errors, "anitescu_potra_poisson", mass_known=False)
     figure_3_10(individual, study.ensemble, TRUTH, mass_known=False)
     figure_3_11(few, individual, study.ensemble, TRUTH, mass_known=False)
-    assert BODY.mass is not None

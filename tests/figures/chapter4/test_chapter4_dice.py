@@ -22,36 +22,20 @@ SQUARE = Polygon(vertices=((0.03, 0.03), (-0.03, 0.03), (-0.03, -0.03), (0.03, -
 
 
 def poses() -> pd.DataFrame:
-    t = np.arange(0.0, 0.4, 0.004)
-    parts = [
-        pd.DataFrame({"trial": k, "t": t, "x": -0.5 * t, "y": 0.05 + 0.1 * np.abs(np.cos(9 * t)), "theta": 3 * t})
-        for k in (1, 2)
-    ]
-    return pd.concat(parts, ignore_index=True)
+    t = np.tile(np.arange(0.0, 0.4, 0.004), 2)
+    y = 0.05 + 0.1 * np.abs(np.cos(9 * t))
+    return pd.DataFrame({"trial": np.repeat([1, 2], 100), "t": t, "x": -0.5 * t, "y": y, "theta": 3 * t})
 
 
 def samples() -> pd.DataFrame:
-    rng = np.random.default_rng(0)
-    parts = [
-        pd.DataFrame(
-            {
-                "trial": 1,
-                "contact": i,
-                "t": 0.1 * i,
-                "x": -0.05 * i + 0.002 * (i + 1) * rng.normal(size=80),
-                "y": 0.06,
-                "theta": 0.3 * i + 0.05 * rng.normal(size=80),
-            }
-        )
-        for i in range(3)
-    ]
-    return pd.concat(parts, ignore_index=True)
+    i, (x, turn) = np.repeat(np.arange(3), 80), np.random.default_rng(0).normal(size=(2, 240))
+    table = pd.DataFrame({"trial": 1, "contact": i, "t": 0.1 * i, "y": 0.06})
+    return table.assign(x=-0.05 * i + 0.002 * (i + 1) * x, theta=0.3 * i + 0.05 * turn)
 
 
 def errors() -> pd.DataFrame:
-    rng = np.random.default_rng(1)
-    parts = [pd.DataFrame({"model": m, "error": rng.normal(0.1, 0.8, 300)}) for m in MODEL_STYLE]
-    return pd.concat(parts, ignore_index=True)
+    model = np.repeat(list(MODEL_STYLE), 300)
+    return pd.DataFrame({"model": model, "error": np.random.default_rng(1).normal(0.1, 0.8, len(model))})
 
 
 def test_densities_of_errors_hold_all_errors_and_the_legend_their_moments():

@@ -1,5 +1,7 @@
 """Chapter 5's model: cone, abstractions and hidden effects are drawn as the tables have them."""
 
+from itertools import product
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -9,6 +11,7 @@ from thesis_lib.thesis.figures.chapter5.model import (
     COLORS,
     MU,
     MU_RANGE,
+    QUANTITIES,
     abstraction_style,
     figure_5_7,
     figure_abstractions,
@@ -20,75 +23,49 @@ FORCE = {"no block": 0.02, "easy move": 0.12, "hard move": 0.7, "no move": 1.9, 
 
 
 def cone() -> pd.DataFrame:
-    rng = np.random.default_rng(0)
-    parts = []
-    for name in NAMES:
-        f_n = np.abs(rng.normal(FORCE[name], 0.4 * FORCE[name], 60))
-        f_t = rng.normal(0.0, 0.18, 60) * f_n
-        inside = (np.abs(f_t) <= MU * f_n).astype(int)
-        parts.append(pd.DataFrame({"f_n": f_n, "f_t": f_t, "abstraction": name, "inside": inside}))
-    return pd.concat(parts, ignore_index=True)
+    rng, table = np.random.default_rng(0), pd.DataFrame({"abstraction": np.repeat(NAMES, 60)})
+    f_n = table["abstraction"].map(FORCE) * rng.uniform(0.2, 1.8, len(table))
+    f_t = rng.normal(0.0, 0.18, len(table)) * f_n
+    return table.assign(f_n=f_n, f_t=f_t, inside=(f_t.abs() <= MU * f_n).astype(int))
 
 
 def height() -> pd.DataFrame:
-    rng = np.random.default_rng(1)
-    rows = []
-    for name in NAMES[1:4]:
-        for layer in range(15):
-            pred = FORCE[name] * (1.6 - layer / 15)
-            rows += [(7.5 + 15 * layer, pred * (1 + 0.2 * rng.normal()), name, pred) for _ in range(3)]
-    return pd.DataFrame(rows, columns=["height_mm", "f_n", "abstraction", "f_n_pred"])
+    """Three pushes of each layer."""
+    rows = [(7.5 + 15.0 * layer, name) for name in NAMES[1:4] for layer in np.repeat(range(15), 3)]
+    table = pd.DataFrame(rows, columns=["height_mm", "abstraction"])
+    pred = table["abstraction"].map(FORCE) * (1.6 - table["height_mm"] / 225.0)
+    return table.assign(f_n_pred=pred, f_n=pred * np.random.default_rng(1).uniform(0.6, 1.4, len(table)))
 
 
 def abstractions() -> pd.DataFrame:
-    return pd.DataFrame(
-        {
-            "abstraction": NAMES,
-            "share": [0.08, 0.41, 0.17, 0.22, 0.12],
-            "force": [FORCE[name] for name in NAMES],
-            "rise": [0.01, -0.02, 0.05, 0.48, 0.11],
-            "move": [0.05, 0.97, 0.88, 0.21, 0.82],
-            "lag": [0.3, 0.12, 0.25, 0.71, 0.33],
-            "drag": [0.0, 0.01, 0.04, 0.09, 0.62],
-            "stuck_share": [0.4, 0.03, 0.22, 0.97, np.nan],
-            "stuck": [0, 0, 0, 1, 1],
-        }
-    )
+    values = np.random.default_rng(3).uniform(-0.1, 1.0, (len(NAMES), len(QUANTITIES)))
+    values[4, -1] = np.nan
+    return pd.DataFrame(values, columns=list(QUANTITIES)).assign(abstraction=NAMES, stuck=[0, 0, 0, 1, 1])
 
 
 def hidden() -> tuple[pd.DataFrame, pd.DataFrame]:
-    errors, pushes = [], []
-    rng = np.random.default_rng(2)
-    for effect, where in (("glued_blocks", range(18, 21)), ("slippery_layer", range(24, 27))):
-        for stage, group, error in (
-            ("before", "all", 1.35),
-            ("before", "failing", 2.9),
-            ("relearned", "all", 1.05),
-            ("relearned", "failing", 1.3),
-        ):
-            n = 40 if group == "all" else 6
-            errors.append((effect, stage, group, error, error - 2 / n**0.5 / 2, error + 2 / n**0.5 / 2, n))
-        for block in rng.choice(45, 30, replace=False):
-            fails = int(block in where or rng.uniform() < 0.05)
-            pushes.append((effect, int(block), fails, NAMES[int(rng.integers(1, 5))]))
-        pushes += [(effect, block, 1, "easy move") for block in where]
-    columns = ["effect", "stage", "group", "error", "low", "high", "n"]
-    return pd.DataFrame(errors, columns=columns), pd.DataFrame(
-        pushes, columns=["effect", "block", "fails", "abstraction"]
-    )
+    """Errors and pushes; the lowest blocks are not pushed."""
+    effects = {"glued_blocks": range(18, 21), "slippery_layer": range(24, 27)}
+    keys = product(effects, ("before", "relearned"), ("all", "failing"))
+    errors = pd.DataFrame(list(keys), columns=["effect", "stage", "group"])
+    errors = errors.assign(error=[1.35, 2.9, 1.05, 1.3] * 2, n=40)
+    pushes = [
+        (effect, block, int(block in where), NAMES[1 + block % 4])
+        for effect, where in effects.items()
+        for block in range(9, 45)
+    ]
+    errors = errors.assign(low=errors["error"] - 0.2, high=errors["error"] + 0.2)
+    return errors, pd.DataFrame(pushes, columns=["effect", "block", "fails", "abstraction"])
 
 
 def test_abstractions_called_alike_share_a_colour_but_not_a_line():
-    styles = abstraction_style(["easy move 1", "easy move 2", "no move 1", "no move 2", "spins"])
+    styles = abstraction_style(["easy move 1", "easy move 2", "no move 1", "no move 2"])
     assert styles["easy move 1"][0] == styles["easy move 2"][0] == COLORS["easy move"]
     assert styles["easy move 1"][1] != styles["easy move 2"][1]
     assert styles["no move 2"][0] == COLORS["no move"]
-    assert styles["spins"][0] not in COLORS.values()
-
-
-def test_unknown_abstractions_get_a_colour_each():
-    styles = abstraction_style(["zig", "alpha", "mid"])
-    assert len({color for color, _ in styles.values()}) == 3
+    # unknown ones get a colour each
+    unknown = {color for color, _ in abstraction_style(["zig", "alpha", "mid"]).values()}
+    assert len(unknown - set(COLORS.values())) == 3
 
 
 def test_the_cone_is_that_of_the_friction_coefficients():
@@ -113,8 +90,7 @@ def test_the_line_over_height_is_the_model():
 def test_each_abstraction_has_a_bar_in_each_panel():
     table = abstractions()
     figure, _ = figure_abstractions(table)
-    assert len(figure.axes) == 7
-    for ax, name in zip(figure.axes, ("share", "force", "rise", "move", "lag", "drag", "stuck_share")):
+    for ax, name in zip(figure.axes, QUANTITIES, strict=True):
         widths = [patch.get_width() for patch in ax.patches]
         assert widths == pytest.approx(table[name].fillna(0.0).tolist())
     labels = [label.get_text() for label in figure.axes[0].get_yticklabels()]

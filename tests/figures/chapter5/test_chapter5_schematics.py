@@ -3,11 +3,11 @@
 import numpy as np
 import pandas as pd
 import pytest
+from legible import assert_schematic
 
 from thesis_lib.thesis.figures.chapter5.schematics import HALF, RADIUS, figure_5_2, figure_5_3, figure_5_4, figure_5_5c
 
 FIGURES = {"5-2": figure_5_2, "5-3": figure_5_3, "5-4": figure_5_4, "5-5c": figure_5_5c}
-SMALLEST_TEXT = 7.0  # pt
 
 
 def edges(table: pd.DataFrame, panel: str = "") -> set[tuple[str, str]]:
@@ -21,18 +21,7 @@ def places(table: pd.DataFrame, series: str, panel: str = "") -> np.ndarray:
 
 @pytest.mark.parametrize("name", FIGURES)
 def test_legible(name):
-    figure, table = FIGURES[name]()
-    renderer = figure.canvas.get_renderer()
-    figure.draw(renderer)
-    texts = [text for ax in figure.axes for text in ax.texts if text.get_text()]
-    boxes = [text.get_window_extent(renderer) for text in texts]
-    assert texts and min(text.get_fontsize() for text in texts) >= SMALLEST_TEXT
-    for i, box in enumerate(boxes):
-        assert box.x0 >= 0.0 and box.y0 >= 0.0 and box.x1 <= figure.bbox.x1 and box.y1 <= figure.bbox.y1
-        for text, other in zip(texts[:i], boxes[:i]):
-            assert not box.overlaps(other), f"{texts[i].get_text()} covers {text.get_text()}"
-    assert all(ax.get_aspect() == 1.0 for ax in figure.axes)
-    assert np.isfinite(table[["x", "y"]].to_numpy()).all()
+    assert_schematic(*FIGURES[name]())
 
 
 def test_only_the_light_block_moves_and_it_resists_less():

@@ -1,5 +1,7 @@
 """Chapter 5's showcase pushes: belief and steering are drawn as the tables have them."""
 
+from itertools import product
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -18,48 +20,20 @@ NAMES = ("no block", "easy move", "hard move", "no move")
 
 
 def showcase() -> pd.DataFrame:
-    rng = np.random.default_rng(0)
-    t = np.arange(20)
-    truth = {"stuck": (np.minimum(0.45 * t, 2.6), 0.05 * t), "easy": (0.08 + 0 * t, 0.9 * np.maximum(t - 1, 0))}
-    rise = {"no block": 0.0, "easy move": 0.02, "hard move": 0.2, "no move": 0.42}
-    move = {"no block": 0.0, "easy move": 0.9, "hard move": 0.7, "no move": 0.05}
-    rows = []
-    for case, (force, x) in truth.items():
-        seen = force + 0.03 * rng.normal(size=20), x + 0.3 * rng.normal(size=20) * np.exp(-t / 8)
-        winner = "no move" if case == "stuck" else "easy move"
-        score = np.array(
-            [np.where(name == winner, 0.5 * t, np.where(name == "no block", 1 - 0.3 * t, 0)) for name in NAMES]
-        )
-        belief = np.exp(score) / np.exp(score).sum(axis=0)
-        for k, name in enumerate(NAMES):
-            for i in t:
-                last = max(i - 1, 0)
-                nuts = np.clip(belief[k, i] + 0.02 * rng.normal(), 0, 1) if i % 5 == 0 else np.nan
-                rows.append(
-                    (case, i, name, belief[k, i], nuts, seen[0][i], seen[1][i])
-                    + (seen[0][last] + rise[name], seen[1][last] + move[name])
-                )
-    columns = ["case", "step", "abstraction", "belief", "belief_nuts", "f_n", "x", "f_n_pred", "x_pred"]
-    return pd.DataFrame(rows, columns=columns)
+    """Readings are the same for every abstraction, its predictions and belief its own."""
+    table = pd.DataFrame(list(product(("stuck", "easy"), NAMES, range(20))), columns=["case", "abstraction", "step"])
+    read = table["step"] * table["case"].map({"stuck": 0.45, "easy": 0.02})
+    own = np.random.default_rng(0).uniform(size=(len(table), 4))
+    table[["belief", "belief_nuts", "f_n_pred", "x_pred"]] = own
+    return table.assign(belief_nuts=table["belief_nuts"].where(table["step"] % 5 == 0), f_n=read, x=0.5 * read)
 
 
 def steering() -> pd.DataFrame:
     t = np.arange(36)
-    y = -0.11 * t + 0.0042 * t**2 * (t < 27) + (t >= 27) * 0.0042 * 27**2 * np.exp(-(t - 27) / 60)
-    yaw = 1.6 * np.sin(t / 9)
-    return pd.DataFrame(
-        {
-            "step": t,
-            "advance": t.astype(float),
-            "x": 0.93 * t,
-            "y": y,
-            "yaw": yaw,
-            "offset": np.clip(-5 * yaw, -8, 8),
-            "heading": np.clip(-0.08 * y, -0.15, 0.15),
-            "controlled": (t >= 8).astype(int),
-            "steered": 1,
-        }
-    )
+    table = pd.DataFrame({"step": t, "advance": t.astype(float), "x": 0.93 * t, "yaw": 1.6 * np.sin(t / 9)})
+    y, controlled = 0.5 * np.cos(t / 7), (t >= 8).astype(int)
+    offset, heading = np.linspace(-8.0, 8.0, len(t)), np.linspace(0.15, -0.15, len(t))
+    return table.assign(y=y, offset=offset, heading=heading, controlled=controlled, steered=1)
 
 
 def test_belief_readings_and_predictions_have_their_own_panels():

@@ -1,6 +1,6 @@
 """Chapter 5's study: what is drawn is what the tables say, legibly."""
 
-from itertools import pairwise
+from itertools import pairwise, product
 
 import numpy as np
 import pandas as pd
@@ -17,34 +17,15 @@ from thesis_lib.thesis.figures.chapter5.study import (
     policy_style,
 )
 
-THESIS = {  # figure 5-6: attempts and successes
-    ("exploration", "all"): (403, 172, 97, 85),
-    ("learned", "all"): (203, 93, 82, 72),
-    ("exploration", "side"): (288, 122, 52, 44),
-    ("learned", "side"): (133, 69, 54, 49),
-    ("exploration", "middle"): (115, 50, 45, 41),
-    ("learned", "middle"): (70, 33, 28, 23),
-}
+LEVELS = {"rule": 10.6, "oracle": 15.8, "always_push": 1.2, "exploration": 1.9}
 
 
 def curve() -> pd.DataFrame:
-    rng = np.random.default_rng(0)
-    means = {
-        "hma": (3.0, 11.5, 13.8, 14.2),
-        "hma_without_cost": (2.5, 9.0, 11.0, 11.5),
-        "mor": (2.0, 6.5, 10.5, 13.0),
-        "network": (1.5, 5.0, 8.0, 9.0),
-        "ppo": (0.5, 0.8, 1.5, 3.0),
-    }
-    rows = [
-        (name, size, mean, mean - s, mean + s, 6)
-        for name, values in means.items()
-        for size, mean, s in zip((30, 100, 300, 1000), values, rng.uniform(0.6, 2.0, 4))
-    ]
-    rows += [("ppo", 20000, 5.0, 3.2, 6.9, 6)]
-    for name, mean in {"rule": 10.6, "oracle": 15.8, "always_push": 1.2, "exploration": 1.9}.items():
-        rows.append((name, 0, mean, mean - 0.9, mean + 0.9, 6))
-    return pd.DataFrame(rows, columns=["policy", "size", "mean", "low", "high", "n"])
+    final = {"hma": 14.0, "hma_without_cost": 11.5, "mor": 13.0, "network": 9.0, "ppo": 3.0}
+    rows = [(name, size, mean * np.log10(size) / 3.0) for name, mean in final.items() for size in (30, 100, 300, 1000)]
+    rows += [("ppo", 20000, 5.0), *((name, 0, mean) for name, mean in LEVELS.items())]
+    table = pd.DataFrame(rows, columns=["policy", "size", "mean"])
+    return table.assign(low=table["mean"] - 0.9, high=table["mean"] + 0.9, n=6)
 
 
 def pairs() -> pd.DataFrame:
@@ -61,15 +42,11 @@ def pairs() -> pd.DataFrame:
 
 
 def success() -> pd.DataFrame:
-    rows = []
-    for (phase, position), (tried, pushed, extracted, placed) in THESIS.items():
-        counts = zip(("push", "extract", "place"), (tried, pushed, extracted), (pushed, extracted, placed))
-        for action, attempts, successes in counts:
-            share, half = successes / attempts, 0.9 / np.sqrt(attempts / 4)
-            own = np.clip([share - 0.05, share - 0.05 - half, share - 0.05 + half], 0, 1)
-            rows.append((phase, position, action, attempts // 4, int(own[0] * (attempts // 4)), *own, share))
-    columns = ["phase", "position", "action", "attempts", "successes", "share", "low", "high", "published"]
-    return pd.DataFrame(rows, columns=columns)
+    keys = product(("exploration", "learned"), ("all", "side", "middle"), ("push", "extract", "place"))
+    share = np.random.default_rng(2).uniform(0.3, 0.8, 18)
+    table = pd.DataFrame(list(keys), columns=["phase", "position", "action"])
+    table = table.assign(attempts=40, successes=(40 * share).round(), share=share, published=share + 0.05)
+    return table.assign(low=share - 0.1, high=share + 0.1)
 
 
 def fractions() -> pd.DataFrame:
@@ -136,7 +113,7 @@ def test_learners_are_curves_and_the_others_levels():
     mean = table.loc[table["policy"] == "mor", "mean"]
     assert named["MOR"].get_ydata() == pytest.approx(mean.to_numpy())
     levels = {line.get_ydata()[0] for line in ax.lines if len(set(line.get_ydata())) == 1}
-    assert {float(GOAL), 10.6, 15.8, 1.2, 1.9} <= levels
+    assert {float(GOAL), *LEVELS.values()} <= levels
     assert drawn[drawn["policy"] == "thesis"]["mean"].tolist() == [GOAL]
     assert len(drawn) == len(table) + 1
 

@@ -44,7 +44,7 @@ import numpy as np
 import pandas as pd
 from scipy.ndimage import minimum_filter
 
-from thesis_lib.coefficients.cost import target_of
+from thesis_lib.coefficients.cost import contact_momentum, target_of
 from thesis_lib.contact import LAWS
 from thesis_lib.contact.bounds import best_post_hoc, irb_bound
 from thesis_lib.contact.space import beyond_sticking, velocity_error
@@ -185,7 +185,7 @@ def _over_best_post_hoc(errors: pd.DataFrame) -> list[tuple[str, str, float, flo
 
 
 def _small_momentum(held_out: Impacts, errors: pd.DataFrame) -> tuple[float, float]:
-    momentum = np.abs(target_of(held_out).space.impulse_to(0.0, 0.0)[0])
+    momentum = np.abs(contact_momentum(held_out)[:, 0])
     error = errors.loc[errors["model"] == MAPPED, "velocity_error"].to_numpy()
     small = momentum <= np.quantile(momentum, 0.25)
     return ratio_of_means(error[small], error[~small])

@@ -10,8 +10,8 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 import pandas as pd
 
-from thesis_lib.coefficients.cost import MeasuredImpulses, Weighting, target_of
-from thesis_lib.coefficients.ensemble import cost_grid, fit_ensemble
+from thesis_lib.coefficients.cost import MeasuredImpulses, Weighting, misfit_table, target_of
+from thesis_lib.coefficients.ensemble import fit_ensemble
 from thesis_lib.coefficients.individual import fit_individual
 from thesis_lib.contact import LAWS
 from thesis_lib.contact.bounds import irb_bound
@@ -19,6 +19,7 @@ from thesis_lib.contact.space import contact_space, velocity_error
 from thesis_lib.datasets.format.impacts import Impacts
 from thesis_lib.datasets.impacts.quality import thesis_filter
 from thesis_lib.foundation.randomness import generator
+from thesis_lib.statistics.intervals import mean_of
 from thesis_lib.thesis.impact_study.predictive_range import covered_share
 
 ALL_LAWS = tuple(LAWS)
@@ -94,9 +95,9 @@ def topography_table(
 ) -> pd.DataFrame:
     """Mean misfit (N s) of n random impacts over a grid of (μ, ε) (figure 3-7 a)."""
     rows = rng.choice(len(impacts), size=min(n, len(impacts)), replace=False)
-    cost = cost_grid(LAWS[law], target_of(impacts)[rows], "impulse", mu, epsilon)
-    grid = {"mu": np.repeat(mu, len(epsilon)), "epsilon": np.tile(epsilon, len(mu)), "cost": cost.ravel()}
-    return pd.DataFrame({"law": law, "n": len(rows), **grid})
+    grid = {"mu": np.repeat(mu, len(epsilon)), "epsilon": np.tile(epsilon, len(mu))}
+    misfits = misfit_table(LAWS[law], target_of(impacts)[rows], **grid, metric="impulse")
+    return pd.DataFrame({"law": law, "n": len(rows), **grid, "cost": np.nanmean(misfits, axis=1)})
 
 
 def convexity_violations(topography: pd.DataFrame) -> float:
@@ -157,6 +158,5 @@ def _distance(target: MeasuredImpulses, c_t: np.ndarray, c_n: np.ndarray) -> np.
 def coverage_table(impacts: Impacts, laws: Iterable[str]) -> pd.DataFrame:
     """Share of the admissible set that each law covers, averaged over impacts (figure 3-3)."""
     space = target_of(impacts).space
-    shares = {name: covered_share(LAWS[name], space) for name in laws}
-    rows = [(name, share.mean(), share.std(ddof=1) / np.sqrt(len(share))) for name, share in shares.items()]
+    rows = [(name, *mean_of(covered_share(LAWS[name], space))) for name in laws]
     return pd.DataFrame(rows, columns=["law", "share", "share_std"])

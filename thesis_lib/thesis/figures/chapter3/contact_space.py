@@ -2,6 +2,16 @@
 
 All geometry comes from the functions used for computing (thesis section 3.3.1).  The outline of a law's region is the
 image of the edge of the box 0 ≤ μ < ∞, 0 ≤ ε ≤ 1.
+
+Figure 3-11 explains unusual parameters by two impacts:
+
+(a) μ = 0.  Among impacts whose individual μ is below `MU_ZERO`, the quarter with the contact point nearest to below
+    the centre of mass; of these the one with the largest misfit.  Without such impacts: the one with the least μ.
+(b) Spin reversal.  Among impacts whose measured impulse lies beyond the line of sticking, the one at the median
+    distance beyond it.  Without such impacts: the one nearest to it.
+"Beyond" is relative to the impulse without friction, c_t = 0 at the same c_n: friction has then reversed the slip
+v_t + K_tn c_n that it opposed.  A change of sign of v_t is not enough: in a skewed contact the normal impulse alone can
+cause it, and every law predicts that.  Ties go to the first impact, so that equal data give equal figures.
 """
 
 from dataclasses import dataclass
@@ -12,18 +22,24 @@ from matplotlib.axes import Axes
 from matplotlib.patches import Arc
 
 from thesis_lib.bodies.body import Body
-from thesis_lib.coefficients.cost import target_of
+from thesis_lib.coefficients.cost import MeasuredImpulses, target_of
 from thesis_lib.contact import LAWS, SIX_LAWS
 from thesis_lib.contact.law import Law
-from thesis_lib.contact.space import contact_space, energy_ellipse, line_of_maximum_compression, line_of_sticking
+from thesis_lib.contact.space import (
+    beyond_sticking,
+    contact_space,
+    energy_ellipse,
+    line_of_maximum_compression,
+    line_of_sticking,
+)
 from thesis_lib.datasets.format.impacts import Impacts
 from thesis_lib.figures.law_style import style_of
 from thesis_lib.figures.planar_drawing import Sketch, turned, unit
 from thesis_lib.figures.style import BLUE, GREEN, GREY, INK, RED, SHADE, Drawn, ImpulseAxis, house_style, new_figure
+from thesis_lib.foundation.errors import UserError
 from thesis_lib.mechanics.contact import Contact
 from thesis_lib.thesis.impact_study.predictive_range import admissible_outline, region
-from thesis_lib.thesis.impact_study.shown import spin_reversal_case, zero_friction_case
-from thesis_lib.thesis.impact_study.tables import VARIANTS
+from thesis_lib.thesis.impact_study.tables import MU_ZERO, VARIANTS
 
 # the thesis's grouping of figure 3-3
 GROUPS = {
@@ -63,9 +79,8 @@ EXAMPLE = ExampleImpact()
 @house_style
 def figure_3_1(body: Body) -> Drawn:
     """Planar body that touches the surface: pose, velocity, contact point C and contact frame."""
-    r = EXAMPLE.contact_point(body)[0]
-    centre, contact = np.array([0.0, -r[1]]), np.array([r[0], 0.0])
-    outline = centre + turned(body.shape.outline(), EXAMPLE.theta)
+    figure = new_figure(4.0, 2.3)
+    sketch, outline, centre, contact = body_on_surface(figure.add_subplot(), body)
     size = body.shape.extent
     speed = 0.55 * size / np.hypot(*EXAMPLE.v[:2])
     axis = centre + np.array([[-1.0], [1.35]]) * size * unit(EXAMPLE.theta)
@@ -76,9 +91,7 @@ def figure_3_1(body: Body) -> Drawn:
         "v": (centre, speed * np.array(EXAMPLE.v[:2])),
     }
 
-    figure = new_figure(4.0, 2.3)
     left, right = outline[:, 0].min() - 1.1 * size, outline[:, 0].max() + 0.9 * size
-    sketch = body_on_surface(figure.add_subplot(), outline, {"centre of mass": centre, "C": contact})
     ax = sketch.ax
     ax.plot(*axis.T, color=GREY, linestyle=(0, (6, 3)), linewidth=0.8)
     ax.plot([centre[0], centre[0] + 1.35 * size], [centre[1]] * 2, color=GREY, linewidth=0.8)
@@ -130,12 +143,10 @@ def figure_3_3(body: Body, coverage: pd.DataFrame) -> Drawn:
                 parts.append(ellipse.assign(variant="", panel="all"))
             for name in members:
                 law = LAWS[names[SIX_LAWS.index(name)]]
-                outline = region_outline(law, space)
                 covered = f" ({100 * shares[law.name]:.0f} %)" if law.name in shares else ""
                 label = style_of(name).label + covered
-                draw_region(ax, law, outline, axis, label)
-                series = pd.DataFrame(outline, columns=["c_t", "c_n"]).assign(series=law.name)
-                parts.append(series.assign(variant=variant, panel=letter))
+                drawn = draw_region(ax, law, space, axis, label)
+                parts.append(drawn.assign(series=law.name, variant=variant, panel=letter))
             ax.label_outer()
             ax.set_title(f"({letter}) {variant.replace('_', ' ')}")
             ax.legend(loc="upper left", bbox_to_anchor=(-0.1, -0.05 if variant == "as_published" else -0.19))
@@ -172,9 +183,7 @@ def figure_3_11(
     for ax, (letter, (row, title)) in zip(axes, cases.items()):
         space = target.space[np.array([row])]
         part = [draw_ellipse(ax, space, axis, labels=True)]
-        outline = region_outline(LAWS[law], space)
-        draw_region(ax, LAWS[law], outline, axis, f"region of {LAWS[law].title}")
-        part.append(pd.DataFrame(outline, columns=["c_t", "c_n"]).assign(series="region"))
+        part.append(draw_region(ax, LAWS[law], space, axis, f"region of {LAWS[law].title}").assign(series="region"))
         best = LAWS[law].impulse(space, mu[[row]], epsilon[[row]])
         predicted = LAWS[law].impulse(space, np.array([fit["mu"]]), np.array([fit["epsilon"]]))
         points = ((target.c_t[row], target.c_n[row]), best, predicted)
@@ -190,6 +199,30 @@ def figure_3_11(
     return figure, pd.concat(parts, ignore_index=True)[["panel", "trial", "impact", "series", "c_t", "c_n"]]
 
 
+def zero_friction_case(impacts: Impacts, mu: np.ndarray, misfit: np.ndarray) -> int:
+    """Row of case (a) among impacts with individual `mu` (n,) and `misfit` (n,) in N s; UserError if all are NaN."""
+    usable = np.flatnonzero(np.isfinite(mu) & np.isfinite(misfit))
+    if not len(usable):
+        raise UserError("No impact has individual parameters, so there is no case with μ = 0 to show.")
+    zero = usable[mu[usable] < MU_ZERO]
+    if not len(zero):
+        return int(usable[np.argmin(mu[usable])])
+    offset = np.abs(impacts.r[zero, 0])
+    central = zero[offset <= np.quantile(offset, 0.25)]
+    return int(central[np.argmax(misfit[central])])
+
+
+def spin_reversal_case(target: MeasuredImpulses) -> int:
+    """Row of case (b) among n measured impulses; UserError if none is finite."""
+    beyond = beyond_sticking(target.space, target.c_t, target.c_n)
+    usable = np.flatnonzero(np.isfinite(beyond))
+    if not len(usable):
+        raise UserError("No measured impulse is finite, so there is no case of spin reversal to show.")
+    order = usable[np.argsort(beyond[usable], kind="stable")]
+    reversed_ = order[beyond[order] > 0.0]
+    return int(order[-1] if not len(reversed_) else reversed_[(len(reversed_) - 1) // 2])
+
+
 def region_outline(law: Law, space: Contact, points: int = 25) -> np.ndarray:
     """Closed outline (4 (points − 1) + 1, 2) in N s of what a law can predict for the one impact in `space`.
 
@@ -200,13 +233,14 @@ def region_outline(law: Law, space: Contact, points: int = 25) -> np.ndarray:
     return np.concatenate([c[0, :-1], c[:-1, -1], c[-1, :0:-1], c[:0:-1, 0], c[:1, 0]])
 
 
-def draw_region(ax: Axes, law: Law, outline: np.ndarray, axis: ImpulseAxis, label: str) -> None:
-    """Outline of a law's region, filled with its hatch."""
-    style = style_of(law.name)
+def draw_region(ax: Axes, law: Law, space: Contact, axis: ImpulseAxis, label: str) -> pd.DataFrame:
+    """Outline of a law's region for the one impact in `space`, filled with its hatch; returns its points."""
+    style, outline = style_of(law.name), region_outline(law, space)
     ax.fill(*(axis.factor * outline.T), fill=False, hatch=style.hatch, edgecolor=style.color, linewidth=0)
     ax.plot(*(axis.factor * outline.T), color=style.color, linestyle=style.dash, linewidth=1.5, label=label)
     # some regions gain energy and leave the ellipse
     ax.set_ylim(top=max(ax.get_ylim()[1], 1.03 * axis.factor * float(outline[:, 1].max())))
+    return pd.DataFrame(outline, columns=["c_t", "c_n"])
 
 
 def draw_ellipse(ax: Axes, space: Contact, axis: ImpulseAxis, *, labels: bool = False) -> pd.DataFrame:
@@ -238,10 +272,13 @@ def draw_ellipse(ax: Axes, space: Contact, axis: ImpulseAxis, *, labels: bool = 
     return pd.concat(tables, ignore_index=True)[["series", "c_t", "c_n"]]
 
 
-def body_on_surface(ax: Axes, outline: np.ndarray, points: dict[str, np.ndarray]) -> Sketch:
-    """Sketch of a body with outline (n, 2) and with some points (2,) by name."""
+def body_on_surface(ax: Axes, body: Body) -> tuple[Sketch, np.ndarray, np.ndarray, np.ndarray]:
+    """Sketch of a body at its impact; its outline (n, 2), centre of mass (2,) and contact point C (2,) in m."""
+    r = EXAMPLE.contact_point(body)[0]
+    centre, contact = np.array([0.0, -r[1]]), np.array([r[0], 0.0])
+    outline = centre + turned(body.shape.outline(), EXAMPLE.theta)
     sketch = Sketch(ax)
     sketch.fill("outline", outline)
-    for name, at in points.items():
-        sketch.point(name, at, zorder=4)
-    return sketch
+    sketch.point("centre of mass", centre, zorder=4)
+    sketch.point("C", contact, zorder=4)
+    return sketch, outline, centre, contact

@@ -15,7 +15,6 @@ from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
 from thesis_lib.bodies.body import Body
 from thesis_lib.datasets.format.impacts import Impacts
-from thesis_lib.figures.planar_drawing import turned
 from thesis_lib.figures.style import BLUE, GREEN, GREY, INK, RED, SHADE, Drawn, ImpulseAxis, house_style, new_figure
 from thesis_lib.learners.features import impulse_of
 from thesis_lib.thesis.figures.chapter3.contact_space import EXAMPLE, body_on_surface, draw_ellipse
@@ -40,11 +39,9 @@ def figure_4_1(body: Body) -> Drawn:
 
 
 def _draw_body(ax: Axes, body: Body) -> pd.DataFrame:
-    r, size = EXAMPLE.contact_point(body)[0], body.shape.extent
-    centre, contact = np.array([0.0, -r[1]]), np.array([r[0], 0.0])
-    outline = centre + turned(body.shape.outline(), EXAMPLE.theta)
-    v = np.array(EXAMPLE.v)
-    v_c = v[:2] + v[2] * np.array([-r[1], r[0]])
+    sketch, outline, centre, contact = body_on_surface(ax, body)
+    v, size = np.array(EXAMPLE.v), body.shape.extent
+    v_c = v[:2] + v[2] * np.array([centre[1], contact[0]])
     scale = 0.6 * size / np.hypot(*v_c)
     arrows = {
         r"$\mathbf{v}$": (centre, scale * v[:2], GREEN),
@@ -52,7 +49,6 @@ def _draw_body(ax: Axes, body: Body) -> pd.DataFrame:
         r"$\mathbf{r}$": (centre, contact - centre, BLUE),
     }
     left, right = outline[:, 0].min() - 0.5 * size, outline[:, 0].max() + 0.5 * size
-    sketch = body_on_surface(ax, outline, {"centre of mass": centre, "C": contact})
     for name, (start, vector, color) in arrows.items():
         sketch.arrow(name.strip("$"), start, vector, color)
         side = np.array([vector[1], -vector[0]]) / np.hypot(*vector)

@@ -49,7 +49,7 @@ class ArmFit:
     """Result of a fit."""
 
     theta: np.ndarray  # (6,) Θ in the order of `parameters.NAMES`, kg, kg m, kg m²
-    covariance: np.ndarray  # (6, 6) of Θ; NaN where the data do not determine them
+    std: np.ndarray  # (6,) standard errors of Θ
     q: np.ndarray  # q, v: (m+1, 5) estimated motion
     v: np.ndarray
     c_n: np.ndarray  # c_n, c_t: (m, 2) contact forces in N, pairs ("arm", "ground")
@@ -58,11 +58,6 @@ class ArmFit:
     c_t_std: np.ndarray
     chi2: float  # χ²/n against the noise of q and v in the residuals
     accepted: bool  # whether χ²/n passes the gate
-
-    @property
-    def std(self) -> np.ndarray:
-        """(6,) standard errors of Θ."""
-        return np.sqrt(np.diag(self.covariance))
 
 
 def fit(arm: ArmDisk, data: ArmData, rng: np.random.Generator, settings: ArmFitSettings = DEFAULT_FIT) -> ArmFit:
@@ -244,10 +239,14 @@ def _answer(shooting: Shooting, best: Candidates, chi2: float, gate: float) -> A
     A = _axes(shooting, best)
     C = A @ A.T
     D = from_free_jacobian(xi, l1)
-    std_n, std_t = _force_std(shooting, best, A)
+    # standard errors of the forces, from their change over one standard error along each axis
+    both = np.concatenate([A.T, -A.T])
+    moved = shooting.copies(best.p + both[:, 10:], best.x[:, 0] + both[:, :10], data.f_ext)
+    pairs = (moved.c_n, out.c_n), (moved.c_t, out.c_t)
+    std_n, std_t = (np.sqrt(0.5 * np.nansum((other - c) ** 2, axis=0)) for other, c in pairs)
     return ArmFit(
         theta=from_free(xi, l1),
-        covariance=D @ C[10:, 10:] @ D.T,
+        std=np.sqrt(np.diag(D @ C[10:, 10:] @ D.T)),
         q=out.q[0],
         v=out.v[0],
         c_n=out.c_n[0],
@@ -259,21 +258,11 @@ def _answer(shooting: Shooting, best: Candidates, chi2: float, gate: float) -> A
     )
 
 
-def _force_std(shooting: Shooting, best: Candidates, A: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Standard errors (m, 2) of c_n and c_t in N, from their change over one standard error along each axis."""
-    both = np.concatenate([A.T, -A.T])
-    out = shooting.copies(best.p + both[:, 10:], best.x[:, 0] + both[:, :10], shooting.data.f_ext)
-    centre = shooting.copies(best.p, best.x[:, 0], shooting.data.f_ext)
-    pairs = (out.c_n, centre.c_n), (out.c_t, centre.c_t)
-    std_n, std_t = (np.sqrt(0.5 * np.nansum((moved - c) ** 2, axis=0)) for moved, c in pairs)
-    return std_n, std_t
-
-
 def _nothing(data: ArmData) -> ArmFit:
     states, forces = np.full((data.steps + 1, 5), np.nan), np.full((data.steps, 2), np.nan)
     return ArmFit(
         theta=np.full(6, np.nan),
-        covariance=np.full((6, 6), np.nan),
+        std=np.full(6, np.nan),
         q=states,
         v=states,
         c_n=forces,

@@ -66,23 +66,17 @@ class ArmForceTables:
 
 
 def arm_window(
-    arm: ArmDisk,
-    q: np.ndarray,
-    v: np.ndarray,
-    f_ext: np.ndarray,
-    h: float,
-    mu: float,
-    sigma: np.ndarray | None = None,
-    tolerances: float = 3.0,
+    arm: ArmDisk, motion: SimulatedMotion | ArmData, mu: float, sigma: np.ndarray | None = None, tolerances: float = 3.0
 ) -> ContactWindow:
     """Window of a motion of arm and disk in its base parameters.
 
-    `q`, `v` (m+1, 5) are states, `f_ext` (m, 5) is the known force in N, N m, `h` in s, `sigma` (2, 5) the noise of q
-    and v (None: none); `tolerances` standard deviations of gap and sliding velocity count as zero.
+    Of `motion` the states, the known force and the step are used; `sigma` (2, 5) is the noise of q and v (None: none);
+    `tolerances` standard deviations of gap and sliding velocity count as zero.
 
     Raises:
         UserError: a value is not finite.
     """
+    h, q, v, f_ext = motion.h, motion.q, motion.v, motion.f_ext
     states = States.of(arm, h, q, v, f_ext)
     gap_tolerance, v_tolerance = ALLOWANCE * h**2, 1e-9
     if sigma is not None:
@@ -112,8 +106,8 @@ def arm_forces(
     noisy = add_noise(record, settings.snr_db, rng)
     data = measured(noisy.q, noisy.v, record.f_ext, record.h, mu)
     windows = {
-        "exact": arm_window(arm, record.q, record.v, record.f_ext, record.h, mu),
-        "plain": arm_window(arm, data.q, data.v, data.f_ext, data.h, mu, data.sigma, settings.tolerances),
+        "exact": arm_window(arm, record, mu),
+        "plain": arm_window(arm, data, mu, data.sigma, settings.tolerances),
     }
     c, theta, rank = {}, {}, {}
     for name, window in windows.items():
@@ -121,8 +115,8 @@ def arm_forces(
         c[name], theta[name], rank[name] = (result.c_n, result.c_t), result.theta, window_rank(window)
     estimate = fit(arm, data, rng, settings.fit)
     c["ours"], theta["ours"] = (estimate.c_n, estimate.c_t), estimate.theta
-    finite = np.isfinite(estimate.q).all()
-    rank["ours"] = window_rank(arm_window(arm, estimate.q, estimate.v, data.f_ext, data.h, mu)) if finite else 0
+    found = replace(data, q=estimate.q, v=estimate.v)
+    rank["ours"] = window_rank(arm_window(arm, found, mu)) if np.isfinite(estimate.q).all() else 0
     bound = error_bound(arm, replace(data, sigma=noisy.sigma), base_of(arm), record.q[0], record.v[0])
     return ArmForces(record, data, c, theta, rank, estimate, bound)
 

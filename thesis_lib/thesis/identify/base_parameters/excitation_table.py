@@ -46,11 +46,11 @@ def push(t: float, q: np.ndarray, v: np.ndarray) -> np.ndarray:
 
 def _on_surface(
     body: PlanarFreeBody, angle: float, v: tuple, force: Callable | None, steps: int, mu: float
-) -> tuple[SimulatedMotion, float]:
-    """The motion of a body that touches the surface at an angle (rad) and is let go with a velocity, and its μ."""
+) -> tuple[SimulatedMotion, float, PlanarFreeBody]:
+    """The motion of a body that touches the surface at an angle (rad) and is let go with a velocity, its μ, and it."""
     q = np.array([0.0, 0.0, angle])
     q[1] = -body.contacts_of(q[None]).phi[0].min()
-    return simulate(body, q, np.array(v), force, DEFAULT.h, steps, mu, 0.0), mu
+    return simulate(body, q, np.array(v), force, DEFAULT.h, steps, mu, 0.0), mu, body
 
 
 def excitation_cases(settings: Chapter2Bodies = DEFAULT) -> dict[str, tuple[SimulatedMotion, ContactWindow]]:
@@ -59,9 +59,9 @@ def excitation_cases(settings: Chapter2Bodies = DEFAULT) -> dict[str, tuple[Simu
     fast, still = (4.0, 0.0, 3.0), (0.0, 0.0, 0.0)
     high, flat, tilted = (0.0, 3.0, 0.4), (0.0, 0.8, 0.0), (0.0, 0.95, 0.35)
 
-    def released(q: tuple, v: tuple, force: Callable | None) -> tuple[SimulatedMotion, float]:
+    def released(q: tuple, v: tuple, force: Callable | None) -> tuple[SimulatedMotion, float, PlanarFreeBody]:
         arguments = (settings.h, STEPS, settings.mu, settings.epsilon)
-        return simulate(square, np.array(q), np.array(v), force, *arguments), settings.mu
+        return simulate(square, np.array(q), np.array(v), force, *arguments), settings.mu, square
 
     motions = {
         # a disk's one contact stays closed under any force
@@ -78,10 +78,7 @@ def excitation_cases(settings: Chapter2Bodies = DEFAULT) -> dict[str, tuple[Simu
         "square lands tilted, force": released(tilted, still, push),
         "square lands flat, no force": released(flat, still, None),
     }
-    return {
-        name: (record, free_body_window(record, friction, gravity=(0.0, -settings.gravity), gap_tolerance=GAP))
-        for name, (record, friction) in motions.items()
-    }
+    return {name: (motion[0], free_body_window(*motion, gap_tolerance=GAP)) for name, motion in motions.items()}
 
 
 def landings(settings: Chapter2Bodies = DEFAULT) -> dict[str, tuple[SimulatedMotion, ContactWindow]]:

@@ -46,29 +46,20 @@ class Identifiability:
     warnings: tuple[str, ...]
 
 
-def contact_directions(window: ContactWindow) -> list[np.ndarray]:
-    """For each step, the generalised directions B (nv, r) of its closed contacts' forces."""
-    directions = []
-    for k in range(len(window)):
-        closed = np.flatnonzero(window.touching[k])
+def projected(window: ContactWindow) -> tuple[np.ndarray, np.ndarray]:
+    """Ỹ (m, nv, n_Θ) and f̃ (m, nv): the dynamics outside the span of possible contact forces."""
+    Y, f = window.Y.copy(), window.f.copy()
+    for k in np.flatnonzero(window.touching.any(axis=1)):
         columns = []
-        for i in closed:
+        for i in np.flatnonzero(window.touching[k]):
             if window.v_t[k, i] == 0.0 and window.mu > 0.0:
                 columns += [window.J_n[k, i], window.J_t[k, i]]
             else:
                 columns.append(window.J_n[k, i] - np.sign(window.v_t[k, i]) * window.mu * window.J_t[k, i])
-        directions.append(np.array(columns).reshape(-1, window.f.shape[1]).T)
-    return directions
-
-
-def projected(window: ContactWindow) -> tuple[np.ndarray, np.ndarray]:
-    """Ỹ (m, nv, n_Θ) and f̃ (m, nv): the dynamics outside the span of possible contact forces."""
-    Y, f = window.Y.copy(), window.f.copy()
-    for k, B in enumerate(contact_directions(window)):
-        if B.size:
-            # one refinement: after a single projection, rounding of large impacts remains along B
-            complement = np.eye(len(B)) - B @ np.linalg.pinv(B)
-            Y[k], f[k] = complement @ (complement @ Y[k]), complement @ (complement @ f[k])
+        B = np.array(columns).T
+        # one refinement: after a single projection, rounding of large impacts remains along B
+        complement = np.eye(len(B)) - B @ np.linalg.pinv(B)
+        Y[k], f[k] = complement @ (complement @ Y[k]), complement @ (complement @ f[k])
     return Y, f
 
 

@@ -32,7 +32,6 @@ class ProjectedRecord(States):
     """States projected to the contact manifold."""
 
     closed: np.ndarray  # (m, p) contacts that were projected, for the window
-    moved: np.ndarray  # (m,) distance of each pose's projection, in the metric
 
 
 def project_to_contact(
@@ -42,13 +41,13 @@ def project_to_contact(
     a_free: np.ndarray,
     gap_tolerance: float,
     v_tolerance: float,
-    metric: np.ndarray | None = None,
+    metric: np.ndarray,
 ) -> ProjectedRecord:
     """Move poses with contact until they touch, and velocities to exact sticking where they nearly stick.
 
     Gaps and Jacobians of `record` are recomputed; `a_free` (m, nv) is the acceleration without contact forces.
     `gap_tolerance` and `v_tolerance` (m, m/s) are a few standard deviations of the noise of gap and sliding velocity,
-    `metric` (nv,) is the diagonal of W (ones by default).
+    `metric` (nv,) is the diagonal of W.
 
     Raises:
         UserError: states are not finite.
@@ -56,7 +55,7 @@ def project_to_contact(
     q, v = np.array(record.q, dtype=float), np.array(record.v, dtype=float)
     if not (np.isfinite(q).all() and np.isfinite(v).all()):
         raise UserError("poses or velocities are not finite: repair or cut the record before projecting it")
-    W_inverse = 1.0 / np.broadcast_to(1.0 if metric is None else np.asarray(metric, dtype=float), q.shape[1])
+    W_inverse = 1.0 / metric
     steps = len(record.f_ext)
     contacts = mechanism.contacts_of(q[:steps])
     closed = expected_gap(contacts.phi, contacts.J_n, v[:steps], a_free, record.h, gap_tolerance) == 0.0
@@ -72,10 +71,8 @@ def project_to_contact(
     sticks = closed & (np.abs(v_t) <= v_tolerance)
     for k in np.flatnonzero(sticks.any(axis=1)):
         v[k + 1] -= _shortest(contacts.J_t[k, sticks[k]], v_t[k, sticks[k]], W_inverse)
-    moved = np.sqrt(np.sum((q - record.q)[:steps] ** 2 / W_inverse, axis=1))
-    return ProjectedRecord(
-        record.h, q, v, np.asarray(record.f_ext, dtype=float), contacts.phi, contacts.J_n, contacts.J_t, closed, moved
-    )
+    f_ext = np.asarray(record.f_ext, dtype=float)
+    return ProjectedRecord(record.h, q, v, f_ext, contacts.phi, contacts.J_n, contacts.J_t, closed)
 
 
 def _shortest(J: np.ndarray, value: np.ndarray, W_inverse: np.ndarray) -> np.ndarray:

@@ -25,7 +25,7 @@ import numpy as np
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.simulate.mechanisms.regressor import free_body_regressor
 from thesis_lib.simulate.stepping.contact_modes import TOUCH
-from thesis_lib.simulate.stepping.multibody import Mechanism
+from thesis_lib.simulate.stepping.multibody import Mechanism, PlanarFreeBody
 from thesis_lib.simulate.stepping.stepping import SimulatedMotion
 
 V_TOLERANCE = 1e-9  # m/s: far above the rounding of a time step (1e-15), far below any sliding that matters
@@ -102,8 +102,7 @@ class ContactWindow:
     @property
     def force_scale(self) -> float:
         """Largest known generalised force F over the window, the unit of contact forces; 1 without any."""
-        largest = float(np.abs(self.f).max(initial=0.0))
-        return largest if largest > 0.0 else 1.0
+        return float(np.abs(self.f).max(initial=0.0)) or 1.0
 
     @property
     def gap_scale(self) -> float:
@@ -194,14 +193,14 @@ def window_of(
 def free_body_window(
     record: SimulatedMotion | States,
     mu: float,
+    body: PlanarFreeBody,
     *,
-    gravity: tuple[float, float] = (0.0, -9.81),
     known: dict[str, float] | None = None,
     closed: np.ndarray | None = None,
     gap_tolerance: float = GAP_TOLERANCE,
     v_tolerance: float = V_TOLERANCE,
 ) -> ContactWindow:
-    """Window of one free body of unknown (m, I), whose origin is its centre of mass.
+    """Window of one free body of unknown (m, I), whose origin is its centre of mass; of `body`, gravity is used.
 
     `known` gives known parameters, such as {"m": 1.0}; without one and without external force, forces and parameters
     have no common scale.  External forces do not enter the expected gap; within a step they change it by h² f/m, so
@@ -210,6 +209,7 @@ def free_body_window(
     Raises:
         UserError: as `window_of` and `ContactWindow.fix`.
     """
+    gravity = body.gravity(record.q[0])[:2] / body.mass
     a = np.diff(record.v, axis=0) / record.h
     Y = free_body_regressor(record.q[:-1], record.v[:-1], a, gravity)[:, :, [0, 3]]
     a_free = np.broadcast_to([gravity[0], gravity[1], 0.0], a.shape)

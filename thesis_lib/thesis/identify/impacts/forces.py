@@ -123,16 +123,11 @@ class ForcePlate:
         return at, np.interp(at, fine, answer), fine, answer
 
 
-@dataclass(frozen=True)
-class Impulses:
-    """Estimated impulses of n impacts: c (n, 2) = (c_t, c_n) in N s and covariance (n, 2, 2)."""
+def estimate_impulses(found: FoundImpacts, rig: Rig) -> dict[str, tuple[np.ndarray, np.ndarray]]:
+    """Impulses c (n, 2) = (c_t, c_n) in N s of n impacts and their covariance (n, 2, 2), by each of `METHODS`.
 
-    c: np.ndarray
-    cov: np.ndarray
-
-
-def estimate_impulses(found: FoundImpacts, rig: Rig) -> dict[str, Impulses]:
-    """Impulses of all impacts by each of `METHODS`; `rig` gives shape, mass and k."""
+    `rig` gives shape, mass and k.
+    """
     impacts = found.impacts
     m, cov = impacts.mass, impacts.cov
     change = np.zeros((2, 9))  # Δv_x, Δv_y from `impacts.STATE`
@@ -144,8 +139,8 @@ def estimate_impulses(found: FoundImpacts, rig: Rig) -> dict[str, Impulses]:
     linked = cov - along[:, :, None] * along[:, None, :] / variance[:, None, None]
     c = m * impacts.dv[:, :2]
     return {
-        "arcs": Impulses(c, m**2 * change @ cov @ change.T),  # pyright: ignore[reportOperatorIssue]
-        "arcs_link": Impulses(c + m * step @ change.T, m**2 * change @ linked @ change.T),
+        "arcs": (c, m**2 * change @ cov @ change.T),  # pyright: ignore[reportOperatorIssue]
+        "arcs_link": (c + m * step @ change.T, m**2 * change @ linked @ change.T),
     }
 
 
@@ -201,10 +196,10 @@ def study_impact_forces(drops: DropsWithTruth, settings: ImpactForces) -> tuple[
             "declared_duration": settings.declared_duration,
             "true_duration": history.t[-1],
         }
-        for method, impulses in estimates.items():
-            std = np.sqrt(np.diag(impulses.cov[i]))
-            c = {"c_t": impulses.c[i, 0], "c_n": impulses.c[i, 1], "c_t_std": std[0], "c_n_std": std[1]}
-            peak = peak_force(impulses.c[i, 1], settings.declared_duration)
+        for method, (impulses, cov) in estimates.items():
+            (c_t, c_n), (c_t_std, c_n_std) = impulses[i], np.sqrt(np.diag(cov[i]))
+            c = {"c_t": c_t, "c_n": c_n, "c_t_std": c_t_std, "c_n_std": c_n_std}
+            peak = peak_force(c_n, settings.declared_duration)
             key = {"trial": truth["trial"], "impact": truth["impact"], "method": method, "t": truth["t"]}
             rows.append(key | c | common | {"peak": peak})
     if not rows:

@@ -20,7 +20,6 @@ discrete hypotheses).
 
 from dataclasses import dataclass, replace
 from enum import IntEnum
-from functools import cached_property
 
 import numpy as np
 
@@ -60,17 +59,12 @@ class Estimate:
     value: float
     std: float  # its standard deviation, 1/m²
     status: EstimateStatus  # use only `OK`
-    chi2: float  # of the links between arcs, `dof` its degrees of freedom, `p_value` the probability of more
-    dof: int
-    p_value: float
+    chi2: float  # of the links between arcs
     # impact steps k of the best hypothesis: the velocity changes from v_k to v_{k+1}
     impacts: tuple[int, ...]
-    vertices: tuple[int, ...]  # the vertices that hit, numbered as in the shape (0 for smooth shapes)
-    sigma: np.ndarray  # (2, 3) σ of q and v in m, rad, m/s, rad/s, estimated
     law: bool = False  # whether the contact law was used
     epsilon: float = np.nan  # epsilon, mu: under the contact law, else NaN; mu is NaN too if no impact slides
     mu: float = np.nan
-    hypotheses: int = 0  # number of hypotheses fitted
 
 
 class DropEstimates:
@@ -88,6 +82,7 @@ class DropEstimates:
         self._q, self._v = without_gravity(h, np.asarray(q), np.asarray(v), gravity)
         self._noise = noise_from_differences(self._q, self._v)
         self._steps = impact_steps(h, self._q, self._v, self._noise)
+        self._sums = ArcSums(h, self._q, self._v)
         self._found: dict[bool, tuple[DropHypotheses, FittedHypotheses]] = {}  # by `use_gap`
 
     def estimate(self, *, law: bool = False, use_gap: bool = True) -> Estimate:
@@ -99,8 +94,7 @@ class DropEstimates:
         steps, noise, n = self._steps, self._noise, len(self._q)
         if not 0 < len(steps) <= MAX_IMPACTS:
             status = EstimateStatus.TOO_MANY_IMPACTS if len(steps) else EstimateStatus.NO_IMPACT
-            nan = np.nan
-            return Estimate(nan, nan, status, nan, 0, nan, impacts=tuple(steps.tolist()), vertices=(), sigma=noise)
+            return Estimate(np.nan, np.nan, status, np.nan, tuple(steps.tolist()))
         drop, best = self._free(use_gap)
         estimate = _estimate(best, noise, drop.sigma, n)
         if law and best.any:
@@ -121,10 +115,6 @@ class DropEstimates:
             drop.estimate_noise(self._steps)
             self._found[use_gap] = drop, drop.fit_best(self._steps)
         return self._found[use_gap]
-
-    @cached_property
-    def _sums(self) -> ArcSums:
-        return ArcSums(self._h, self._q, self._v)
 
 
 def _estimate(best: FittedHypotheses, noise: np.ndarray, sigma: np.ndarray, n: int) -> Estimate:
@@ -151,13 +141,8 @@ def _estimate(best: FittedHypotheses, noise: np.ndarray, sigma: np.ndarray, n: i
         std=std if best.any else np.nan,
         status=status,
         chi2=float(f.misfit[row]),
-        dof=best.dof,
-        p_value=best.p_value,
         impacts=tuple(int(k) for k in best.statistics.steps[row]),
-        vertices=tuple(int(i) for i in best.vertices[row]),
-        sigma=sigma,
         law=lawful,
         epsilon=float(f.eta[row, 1]) if lawful else np.nan,
         mu=float(f.eta[row, 2]) if lawful and (best.modes[row] != STICK).any() else np.nan,
-        hypotheses=best.tried,
     )

@@ -43,7 +43,7 @@ SPLIT_GAIN = 20.0  # χ² a split has to save: it adds three unknowns and is sou
 class FittedHypotheses:
     """Fits of B hypotheses with one number of impacts; `modes` is None where impulses are free.
 
-    `any`: whether one converged; `row`: of the best, whose χ² is `chi2_min` and whose misfit has `dof` and `p_value`;
+    `any`: whether one converged; `row`: of the best, whose χ² is `chi2_min` and whose misfit has `p_value`;
     `weight` (B,): exp(-χ²/2) relative to the best, 0 where not converged.
     """
 
@@ -51,7 +51,6 @@ class FittedHypotheses:
     vertices: np.ndarray  # (B, J) that touch, numbered as in the shape
     modes: np.ndarray | None  # (B, J) 0 stick, ±1 slide with that sign of c_t
     fit: ArcFit
-    tried: int  # number of hypotheses fitted so far
 
     def __post_init__(self):
         usable = self.fit.converged & np.isfinite(self.fit.chi2)
@@ -68,9 +67,9 @@ class FittedHypotheses:
         self.row = int(np.argmin(score))
         self.chi2_min = float(score[self.row])
         self.weight = np.exp(-0.5 * (score - self.chi2_min)) if self.any else np.zeros(len(score))
-        self.dof = int(self.fit.dof[self.row])
+        dof = int(self.fit.dof[self.row])
         # a drop with as many unknowns as rows fits exactly: nothing to test
-        self.p_value = float(chi2.sf(self.fit.misfit[self.row], self.dof)) if self.dof > 0 else 1.0
+        self.p_value = float(chi2.sf(self.fit.misfit[self.row], dof)) if dof > 0 else 1.0
 
 
 class DropHypotheses:
@@ -91,8 +90,11 @@ class DropHypotheses:
         self.sigma = floored(spread, self.sums.q, self.sums.v)
 
     def fit_best(self, steps: np.ndarray) -> FittedHypotheses:
-        """As `fit`, with one impact split into two hits where the samples clearly prefer that."""
-        unsplit = best = self.fit(steps)
+        """Every open hypothesis with as many impacts as `steps` (J,), with free impulses.
+
+        One impact is split into two hits where the samples clearly prefer that.
+        """
+        unsplit = best = self._fit_all(self._near(steps))
         if corner_points(self.shape) is not None:
             for j in range(len(steps)):
                 split = self.fit_split(steps, j, unsplit)
@@ -100,12 +102,8 @@ class DropHypotheses:
                     best = split
         return best
 
-    def fit(self, steps: np.ndarray) -> FittedHypotheses:
-        """Every open hypothesis with as many impacts as `steps` (J,), with free impulses."""
-        return self._fit_all(self._near(steps))
-
     def fit_split(self, steps: np.ndarray, j: int, unsplit: FittedHypotheses) -> FittedHypotheses | None:
-        """As `fit`, with impact j split into two; None if that cannot improve on `unsplit`."""
+        """As `fit_best`, with impact j split into two; None if that cannot improve on `unsplit`."""
         k = steps[j]
         pairs = [
             (a, b)
@@ -131,8 +129,7 @@ class DropHypotheses:
         rows, modes = np.repeat(open_, len(modes)), np.tile(modes, (len(open_), 1))
         statistics, vertices = free.statistics.take(rows), free.vertices[rows]
         model = self._model(statistics, vertices, modes)
-        fit = fit_arcs(model, free.fit.u[rows])
-        return FittedHypotheses(statistics, vertices, modes, fit, free.tried + len(rows))
+        return FittedHypotheses(statistics, vertices, modes, fit_arcs(model, free.fit.u[rows]))
 
     def bias(self, best: FittedHypotheses) -> float:
         """Second-order bias of m/I, 1/m²: half the curvature of the estimate along each direction of the noise.
@@ -178,8 +175,7 @@ class DropHypotheses:
         rows, vertices = self._vertices(statistics.take(order))
         rows, vertices = rows[:MAX_HYPOTHESES], vertices[:MAX_HYPOTHESES]
         statistics = statistics.take(order[rows])
-        fit = fit_arcs(self._model(statistics, vertices, None))
-        return FittedHypotheses(statistics, vertices, None, fit, len(rows))
+        return FittedHypotheses(statistics, vertices, None, fit_arcs(self._model(statistics, vertices, None)))
 
     def _vertices(self, s: ArcStatistics) -> tuple[np.ndarray, np.ndarray]:
         """Rows (H,) of `s` and vertices (H, J): each combination of vertices that could be the lowest."""

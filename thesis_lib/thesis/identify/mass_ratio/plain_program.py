@@ -85,20 +85,19 @@ def treated_ratio(
     Shape, mass and gravity of `body` are used, its inertia is not; h in s.
     """
     states = States.of(body, h, q, v, np.zeros((len(q) - 1, 3)))
-    gravity = body.gravity(q[0])[:2] / body.mass
     reach = body.shape.extent
     gap, slip = contact_tolerances(body, sigma)
     closed = None
     if treatment == "projected":
         # a uniform disk of that extent stands for the inertia, which is not known
         metric = np.array([1.0, 1.0, 0.5 * reach**2])
-        a_free = np.tile([*gravity, 0.0], (len(q) - 1, 1))
+        a_free = np.tile(body.gravity(q[0]) / body.mass, (len(q) - 1, 1))
         states = project_to_contact(states, body, a_free=a_free, gap_tolerance=gap, v_tolerance=slip, metric=metric)
         closed, gap, slip = states.closed, 0.0, 0.0
     window = free_body_window(
         states,
         mu,
-        gravity=(float(gravity[0]), float(gravity[1])),
+        body,
         known={"m": body.mass},
         closed=closed,
         gap_tolerance=max(gap, GAP_TOLERANCE),

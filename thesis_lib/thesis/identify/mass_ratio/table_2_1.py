@@ -59,6 +59,7 @@ THESIS = {
     },
 }
 LEFT_OUT = ("not solved", "two corners at once", "few impacts", "short end")
+DEFAULT_STUDY = Table21()
 _BATCH = 64  # releases drawn at a time
 _MAX_BATCHES = 100
 
@@ -74,14 +75,13 @@ class KeptDrops:
 
 
 def make_drops(
-    kind: str, n: int, rng: np.random.Generator, settings: Table21 | None = None, bodies: Chapter2Bodies = DEFAULT
+    kind: str, n: int, rng: np.random.Generator, settings: Table21 = DEFAULT_STUDY, bodies: Chapter2Bodies = DEFAULT
 ) -> KeptDrops:
     """Simulate drops of "block" or "ellipse" until n are accepted.
 
     Raises:
         RuntimeError: hardly any drop is accepted; the settings contradict each other.
     """
-    settings = settings or Table21()
     body = BODIES[kind](bodies)
     reasons = dict.fromkeys(LEFT_OUT, 0)
     records, impacts = [], []
@@ -119,22 +119,20 @@ def _window(record: SimulatedMotion, mu: float, settings: Table21) -> tuple[Simu
 
 def left_out_table(kind: str, drops: KeptDrops) -> pd.DataFrame:
     """Numbers of drops left out, a row per reason of `LEFT_OUT`."""
-    reasons = list(drops.left_out)
-    return pd.DataFrame({"shape": kind, "reason": reasons, "drops": [drops.left_out[r] for r in reasons]})
+    return pd.DataFrame({"shape": kind, "reason": list(drops.left_out), "drops": list(drops.left_out.values())})
 
 
 def study(
     kind: str,
     drops: KeptDrops,
     rng: np.random.Generator,
-    settings: Table21 | None = None,
+    settings: Table21 = DEFAULT_STUDY,
     bodies: Chapter2Bodies = DEFAULT,
 ) -> pd.DataFrame:
     """A row per drop, ratio and method.
 
     Columns: shape, snr, drop, method, ratio (1/m²), error (%), std (%, stated), bound, law_bound (%), status.
     """
-    settings = settings or Table21()
     body, mu = drops.body, bodies.mu
     truth = body.mass / body.inertia
     rows = []

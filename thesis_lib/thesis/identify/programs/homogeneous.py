@@ -32,8 +32,6 @@ from thesis_lib.thesis.identify.base_parameters.window import ContactWindow
 from thesis_lib.thesis.identify.programs.mode_qp import admissible, amplitudes, edges_of, forces_of, without_forces
 from thesis_lib.thesis.identify.programs.result import ProgramResult, judged
 
-PROGRAM = "2.12 homogeneous"
-
 
 def solve_homogeneous(window: ContactWindow, unit: str = "m") -> tuple[ProgramResult, np.ndarray]:
     """Θ and c over the parameter `unit`, which is 1, from a window without known force; and the singular values (n_Θ,).
@@ -61,7 +59,7 @@ def solve_homogeneous(window: ContactWindow, unit: str = "m") -> tuple[ProgramRe
     c_n, c_t = forces_of(window, edges, amplitude)
     cost = float(np.sum(window.residual(theta, c_n, c_t) ** 2))
     pushes = admissible(window, theta, amplitude)
-    result = judged(window, PROGRAM, "singular value", pushes, theta, c_n, c_t, cost)
+    result = judged(window, "singular value", pushes, theta, c_n, c_t, cost)
     one = theta[window.names.index(unit)] or 1.0  # a unit that comes out as 0 explains nothing, and the status says so
     return replace(result, theta=theta / one, c_n=c_n / one, c_t=c_t / one), values
 

@@ -99,7 +99,7 @@ def solve_mode_qp(
     cost = float(edges.price @ amplitude / F)
     if program != "2.14":
         cost += float(np.sum((window.residual(theta, c_n, c_t) / F) ** 2))
-    return judged(window, program, solver, claimed, theta, c_n, c_t, cost, dynamics_tolerance=dynamics_tolerance)
+    return judged(window, solver, claimed, theta, c_n, c_t, cost, dynamics_tolerance=dynamics_tolerance)
 
 
 def forces_of(window: ContactWindow, edges: Edges, amplitude: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -50,14 +50,12 @@ class ContactProgram:
     """One program on one window, in scaled variables.
 
     A point (n_Θ + 4 K,) holds Θ, and c_n, c_+, c_- and λ of the K contacts, in units of T, F and V, about 1.
-    `reach` is as in `mode_qp.edges_of`; `products` says how 2.12 and 2.13 hold the products at zero.
+    `products` says how 2.12 and 2.13 hold the products at zero.
     """
 
-    def __init__(
-        self, window: ContactWindow, program: Program, *, reach: float = REACH, products: Products = "relaxed"
-    ) -> None:
+    def __init__(self, window: ContactWindow, program: Program, *, products: Products = "relaxed") -> None:
         self.window, self.program, self.products = window, program, products
-        self.step, self.pair = np.nonzero(window.gap <= reach)
+        self.step, self.pair = np.nonzero(window.gap <= REACH)
         self.F, self.T = window.force_scale, parameter_scale(window)
         self.gap = window.gap[self.step, self.pair] / window.gap_scale
         self.v = window.v_t[self.step, self.pair] / window.speed_scale
@@ -87,7 +85,7 @@ class ContactProgram:
             claimed, cost, point = self._solve_once(point, solver, bound)
             if not np.isfinite(point).all():
                 break
-        return judged(self.window, self.program, solver, claimed, *self.unscaled(point), cost)
+        return judged(self.window, solver, claimed, *self.unscaled(point), cost)
 
     def _solve_once(self, point: np.ndarray, solver: str, bound: float) -> tuple[bool, float, np.ndarray]:
         """Whether the solver claims success, the cost, and the solution."""

@@ -35,7 +35,6 @@ class SolveStatus(StrEnum):
 class ProgramResult:
     """Result of one program."""
 
-    program: str  # "2.12", "2.13", "2.14" or "2.14 soft"
     solver: str
     status: SolveStatus
     claimed: bool  # whether the solver reports success; `status` is judged on the residuals
@@ -45,18 +44,11 @@ class ProgramResult:
     dynamics: float  # residual, 1; so is `complementarity`
     complementarity: float
     cost: float  # value of the program's cost, dimensionless
-    names: tuple[str, ...] = ()  # (n_Θ,) of the parameters
 
     @property
     def solved(self) -> bool:
         """Whether the residuals confirm the answer."""
         return self.status is SolveStatus.SOLVED
-
-
-def dynamics_residual(window: ContactWindow, theta: np.ndarray, c_n: np.ndarray, c_t: np.ndarray) -> float:
-    """rms of the unexplained generalised force over the largest known one."""
-    residual = window.residual(theta, c_n, c_t)
-    return float(np.sqrt(np.mean(residual**2)) / window.force_scale)
 
 
 def complementarity_residual(window: ContactWindow, c_n: np.ndarray, c_t: np.ndarray) -> float:
@@ -76,7 +68,6 @@ def complementarity_residual(window: ContactWindow, c_n: np.ndarray, c_t: np.nda
 
 def judged(
     window: ContactWindow,
-    program: str,
     solver: str,
     claimed: bool,
     theta: np.ndarray,
@@ -93,7 +84,7 @@ def judged(
     if not all(np.isfinite(array).all() for array in (theta, c_n, c_t)):
         status, dynamics, complementarity = SolveStatus.SOLVER_FAILED, float("nan"), float("nan")
     else:
-        dynamics = dynamics_residual(window, theta, c_n, c_t)
+        dynamics = float(np.sqrt(np.mean(window.residual(theta, c_n, c_t) ** 2)) / window.force_scale)
         complementarity = complementarity_residual(window, c_n, c_t)
         if not complementarity <= RESIDUAL_TOLERANCE:
             status = SolveStatus.NOT_COMPLEMENTARY
@@ -104,6 +95,4 @@ def judged(
             status = SolveStatus.SOLVER_FAILED
         else:
             status = SolveStatus.SOLVED
-    return ProgramResult(
-        program, solver, status, claimed, theta, c_n, c_t, dynamics, complementarity, cost, names=window.names
-    )
+    return ProgramResult(solver, status, claimed, theta, c_n, c_t, dynamics, complementarity, cost)

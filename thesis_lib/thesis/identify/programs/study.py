@@ -117,8 +117,7 @@ def _whole(kind: str, record: SimulatedMotion, settings: Chapter2Bodies) -> True
         return TrueWindow(window, theta, record.c_n, record.c_t)
     body = BODIES[kind](settings)
     mu = settings.wheel.mu if kind == "wheel" else settings.mu
-    gravity = tuple(body.gravity(record.q[0])[:2] / body.mass)
-    window = free_body_window(record, mu, gravity=gravity, known={"m": body.mass})
+    window = free_body_window(record, mu, body, known={"m": body.mass})
     return TrueWindow(window, np.array([body.inertia]), record.c_n, record.c_t)
 
 

@@ -40,7 +40,7 @@ from thesis_lib.simulate.stepping.rimless_wheel import RimlessWheel
 from thesis_lib.simulate.stepping.stepping import SimulatedMotion, simulate
 from thesis_lib.statistics.spread import robust_std
 from thesis_lib.thesis.identify.base_parameters.window import States, free_body_window
-from thesis_lib.thesis.identify.programs.mode_qp import Program, solve_mode_qp
+from thesis_lib.thesis.identify.programs.mode_qp import solve_mode_qp
 from thesis_lib.thesis.identify.programs.result import ProgramResult
 from thesis_lib.thesis.identify.segmentation import check_states, floored
 
@@ -74,7 +74,6 @@ class WheelFit:
     inertia: float  # inertia, inertia_std: kg m², about the hub
     inertia_std: float
     sigma: np.ndarray  # (2, 3) noise σ of q and v in m, rad and per s, from the residuals
-    covariance: np.ndarray  # (4, 4) P of η = (x_0, θ_0, ω_0, log I / (m l²))
     deviations: np.ndarray  # (8, 2, m, p) c_n and c_t at the sigma points minus the estimate, N
     chi2_n: float  # χ²/n of the residuals with the noise of the differences
     p_white: float  # probability of residuals less white than these, if the wheel rolled as fitted
@@ -102,13 +101,7 @@ def noise_of_third_differences(q: np.ndarray, v: np.ndarray) -> np.ndarray:
 
 
 def plain_forces(
-    wheel: RimlessWheel,
-    h: float,
-    q: np.ndarray,
-    v: np.ndarray,
-    mu: float,
-    sigma: np.ndarray | None = None,
-    program: Program = "2.12",
+    wheel: RimlessWheel, h: float, q: np.ndarray, v: np.ndarray, mu: float, sigma: np.ndarray | None = None
 ) -> ProgramResult:
     """Forces and inertia with the samples taken as the truth (thesis eq. 2.12).
 
@@ -120,15 +113,14 @@ def plain_forces(
     """
     _check(h, q, v)
     states = States.of(wheel, h, q, v, np.zeros((len(q) - 1, 3)))
-    gravity = tuple(wheel.gravity(q[0])[:2] / wheel.mass)
     if sigma is None:
-        return solve_mode_qp(free_body_window(states, mu, gravity=gravity, known={"m": wheel.mass}), program)
+        return solve_mode_qp(free_body_window(states, mu, wheel, known={"m": wheel.mass}))
     # gap y + r_y and velocity v_x - r_y ω of a tip within half a spoke's angle of the foot point
     reach = wheel.length * np.sin(np.pi / wheel.spokes)
     window = free_body_window(
         states,
         mu,
-        gravity=gravity,
+        wheel,
         known={"m": wheel.mass},
         gap_tolerance=TOLERANCE * float(np.hypot(sigma[0, 1], reach * sigma[0, 2])),
         v_tolerance=TOLERANCE * float(np.hypot(sigma[1, 0], wheel.length * sigma[1, 2])),
@@ -136,7 +128,7 @@ def plain_forces(
     # effect of noise on the dynamics: differences of v over h, with m l² as the largest possible inertia
     force = np.sqrt(2.0) * wheel.mass / h * sigma[1] * [1.0, 1.0, wheel.length**2]
     noise = TOLERANCE * float(np.linalg.norm(force)) / window.force_scale
-    return solve_mode_qp(window, program, dynamics_tolerance=noise)
+    return solve_mode_qp(window, dynamics_tolerance=noise)
 
 
 def fit_wheel(wheel: RimlessWheel, h: float, q: np.ndarray, v: np.ndarray, mu: float, epsilon: float = 0.0) -> WheelFit:
@@ -175,7 +167,6 @@ def fit_wheel(wheel: RimlessWheel, h: float, q: np.ndarray, v: np.ndarray, mu: f
         inertia=inertia,
         inertia_std=inertia * float(np.sqrt(covariance[3, 3])),
         sigma=sigma,
-        covariance=covariance,
         deviations=fit.deviations(best.x, covariance, record),
         chi2_n=chi2_n,
         p_white=p_white,

@@ -72,17 +72,19 @@ def rolling_steps(c_n: np.ndarray) -> np.ndarray:
 
 
 def identify(
-    truth: SimulatedMotion, made: RimlessWheel, mu: float, epsilon: float, snr: float, rng: np.random.Generator
+    q: np.ndarray, v: np.ndarray, settings: WheelStudy, bodies: Chapter2Bodies, rng: np.random.Generator
 ) -> WheelForces:
-    """Forces of a simulated record by every method; `snr` in dB of the noise.
+    """Forces of the chapter's wheel from one start (3,), (3,) by every method.
 
     Raises:
         UserError: the record holds a step that was not solved.
     """
-    h, noisy = truth.h, add_noise(truth, snr, rng)
-    exact = plain_forces(made, h, truth.q, truth.v, mu)
-    plain = plain_forces(made, h, noisy.q, noisy.v, mu, noisy.sigma)
-    fit = fit_wheel(made, h, noisy.q, noisy.v, mu, epsilon)
+    made, w, h = wheel(bodies), bodies.wheel, bodies.h
+    truth = simulate(made, q, v, None, h, settings.steps, w.mu, w.epsilon)
+    noisy = add_noise(truth, settings.snr, rng)
+    exact = plain_forces(made, h, truth.q, truth.v, w.mu)
+    plain = plain_forces(made, h, noisy.q, noisy.v, w.mu, noisy.sigma)
+    fit = fit_wheel(made, h, noisy.q, noisy.v, w.mu, w.epsilon)
     return WheelForces(
         truth=truth,
         pairs=touched_pairs(truth.c_n),
@@ -109,27 +111,18 @@ def force_errors(forces: WheelForces, method: str, pair: int) -> dict[str, float
     return out
 
 
-def wheel_record(q: np.ndarray, v: np.ndarray, steps: int, bodies: Chapter2Bodies) -> SimulatedMotion:
-    """The chapter's wheel from one start (3,), (3,)."""
-    w = bodies.wheel
-    return simulate(wheel(bodies), q, v, None, bodies.h, steps, w.mu, w.epsilon)
-
-
 def example_forces(rng: np.random.Generator, settings: WheelStudy, bodies: Chapter2Bodies) -> WheelForces:
     """The record of figure 2-11: one start of the chapter's wheel, identified by every method."""
-    q, v = releases("wheel", 1, rng, bodies)
-    truth = wheel_record(q[0], v[0], settings.steps, bodies)
-    return identify(truth, wheel(bodies), bodies.wheel.mu, bodies.wheel.epsilon, settings.snr, rng)
+    (q,), (v,) = releases("wheel", 1, rng, bodies)
+    return identify(q, v, settings, bodies, rng)
 
 
 def wheel_force_study(n: int, rng: np.random.Generator, settings: WheelStudy, bodies: Chapter2Bodies) -> pd.DataFrame:
     """n starts of the wheel, a row per record, spoke and method; columns as in `columns.yaml`."""
-    made, w = wheel(bodies), bodies.wheel
-    rows = []
+    made, rows = wheel(bodies), []
     for i, (q, v) in enumerate(zip(*releases("wheel", n, rng, bodies))):
-        truth = wheel_record(q, v, settings.steps, bodies)
-        forces = identify(truth, made, w.mu, w.epsilon, settings.snr, rng)
-        fit, rolling = forces.fit, rolling_steps(truth.c_n)
+        forces = identify(q, v, settings, bodies, rng)
+        truth, fit, rolling = forces.truth, forces.fit, rolling_steps(forces.truth.c_n)
         for order, pair in enumerate(forces.pairs):
             used = rolling & (truth.c_n[:, pair] > 0)
             covered = np.abs(fit.record.c_n - truth.c_n)[used, pair] <= 2.0 * fit.std_n[used, pair]
