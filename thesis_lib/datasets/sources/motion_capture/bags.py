@@ -19,6 +19,7 @@ from pathlib import Path
 
 import numpy as np
 
+from thesis_lib.datasets.format.validate import first_of
 from thesis_lib.datasets.sources.motion_capture.pose_messages import DEFINITIONS, KINDS, TRANSFORMS, Pose
 from thesis_lib.datasets.sources.tables.several_bodies import choose_body
 from thesis_lib.datasets.space.motion import Motion, unit
@@ -76,8 +77,7 @@ def read_bag(path: Path, body: str | None, warnings: list[str]) -> Motion:
                 if file.read(16)[: len(MAGIC[storage.suffix.lower()])] != MAGIC[storage.suffix.lower()]:
                     raise ValueError("it does not begin as such a file does")
             _collect(storage, bodies, topics)
-    listed = [f"{topic[:60]} ({kind})" for topic, kind in topics.items()]
-    others = f"{', '.join(listed[:20])}{f' and {len(listed) - 20} more' if len(listed) > 20 else ''}" or "nothing"
+    others = first_of([f"{topic[:60]} ({kind})" for topic, kind in topics.items()], 20) or "nothing"
     if not bodies:
         kinds = ", ".join(dict.fromkeys(kind.split("/")[-1] for kind in KINDS))
         raise UserError(f"{path} has no messages of poses ({kinds}). Its topics are: {others}.")

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from thesis_lib.datasets.format.validate import row_text
+from thesis_lib.datasets.format.validate import first_of, row_text
 from thesis_lib.datasets.sources.tables.layout import COMMENT, HEAD, LONGEST, NAMES, NO_NUMBER, find_layout, split
 from thesis_lib.datasets.sources.tables.options import Reading, unit_in, unit_of
 from thesis_lib.foundation.errors import UserError, first_line, suggest
@@ -191,8 +191,7 @@ def read_logs(
         for note in log.notes:
             said.setdefault(note, []).append(log.path.name)
     for note, names in said.items():
-        more = f" and {len(names) - 1} more" if len(names) > 1 else ""
-        notes.append(f"{names[0]}{more}: {note}")
+        notes.append(f"{first_of(names, 1)}: {note}")
     return logs
 
 
