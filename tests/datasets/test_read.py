@@ -8,23 +8,13 @@ import numpy as np
 import pandas as pd
 import pytest
 import yaml
-from folders import header, impacts, trajectories, write
+from folders import header, impacts, only, problems, refusal, trajectories, write
 
 from thesis_lib.datasets import dataset_of, read_dataset
 from thesis_lib.datasets.format import tables
 from thesis_lib.datasets.format.dataset import unwrap
 from thesis_lib.datasets.format.impacts import COVARIANCE_COLUMNS
-from thesis_lib.datasets.format.validate import DatasetError, Problem
-from thesis_lib.foundation.errors import UserError
-
-
-def problems(folder) -> list[Problem]:
-    with pytest.raises(DatasetError) as caught:
-        read_dataset(folder)
-    assert isinstance(caught.value, UserError)
-    for problem in caught.value.problems:
-        assert problem.remedy and problem.what and problem.what in str(caught.value)
-    return caught.value.problems
+from thesis_lib.datasets.format.validate import DatasetError
 
 
 def test_arrays_become_the_dataset_that_files_hold(tmp_path):
@@ -40,13 +30,6 @@ def test_arrays_become_the_dataset_that_files_hold(tmp_path):
         dataset_of(header())
     with pytest.raises(DatasetError, match=r"body\.mas: unknown key"):
         dataset_of(header(body={**header()["body"], "mas": 1.0}), impacts=arrays["impacts"])
-
-
-def only(folder) -> str:
-    """The text of the one problem that the folder has."""
-    found = problems(folder)
-    assert len(found) == 1, "\n".join(map(str, found))
-    return str(found[0])
 
 
 def table(make=trajectories, **changes):
@@ -292,8 +275,7 @@ LINES = CSV.splitlines(keepends=True)
     ids=["empty", "no rows", "semicolons", "no header", "twice", "missing", "truncated", "ragged", "blank", "quote"],
 )
 def test_files_that_are_no_table(tmp_path, text, message):
-    found = problems(write(tmp_path, trajectories=text))
-    assert any(message in str(problem) for problem in found), "\n".join(map(str, found))
+    assert message in refusal(write(tmp_path, trajectories=text))
 
 
 def test_tables_that_are_not_text(tmp_path):
@@ -321,8 +303,8 @@ def test_unknown_columns(tmp_path):
     assert "column speed: unknown column" in text
     text = only(write(tmp_path / "b", impacts=impacts().assign(rx=0.0)))
     assert "did you mean 'r_x'?" in text
-    found = problems(write(tmp_path / "c", trajectories=trajectories().rename(columns={"theta": "Theta"})))
-    assert any("did you mean 'theta'?" in str(problem) for problem in found)
+    text = refusal(write(tmp_path / "c", trajectories=trajectories().rename(columns={"theta": "Theta"})))
+    assert "did you mean 'theta'?" in text
 
 
 @pytest.mark.parametrize(
@@ -334,7 +316,6 @@ def test_unknown_columns(tmp_path):
         ({"x": {10: np.inf}}, "column x, row 12: is infinite"),
         ({"x": {10: 1e12}}, "column x, row 12: is beyond ±1e+09"),
         ({"trial": {4: 0.5}}, "column trial, row 6: is not a whole number"),
-        ({"t": {5: 0.012}}, "column t, rows 7: the time"),
         ({"t": {5: 4 / 250.0}}, "column t, row 7: the time is the same as in the row before"),
         ({"t": {5: 0.0125}}, "column t, row 7: the time goes backwards"),
         ({"trial": {119: 0}}, "column trial, row 121: a trial begins again"),
@@ -342,7 +323,6 @@ def test_unknown_columns(tmp_path):
     ],
 )
 def test_faulty_cells(tmp_path, changes, message):
-    message = message.replace("rows 7: the time", "row 7: the time")
     assert message in only(write(tmp_path, trajectories=table(**changes)))
 
 
@@ -361,8 +341,7 @@ def test_faulty_cells(tmp_path, changes, message):
     ],
 )
 def test_faulty_impacts(tmp_path, changes, message):
-    found = problems(write(tmp_path, impacts=table(impacts, **changes)))
-    assert any(message in str(problem) for problem in found), "\n".join(map(str, found))
+    assert message in refusal(write(tmp_path, impacts=table(impacts, **changes)))
 
 
 def test_rate_that_contradicts_the_times(tmp_path):
