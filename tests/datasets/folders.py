@@ -53,10 +53,7 @@ def bouncing_disk(
 ) -> pd.DataFrame:
     """Measured bounces of the disk on y = 0 with noise: trial, t, x, y, theta; `spin` in rad/s is added."""
     head = Header.model_validate(header(body=DISK, rate=rate))
-    flights = fly(head, np.random.default_rng(7), trials, int(0.6 * rate), position, angle)
-    frame = pd.DataFrame(flights.q, columns=["x", "y", "theta"])
-    frame.insert(0, "trial", flights.trial)
-    frame.insert(1, "t", flights.t)
+    frame = fly(head, np.random.default_rng(7), trials, int(0.6 * rate), position, angle).table
     return frame.assign(theta=frame["theta"] + spin * frame["t"])
 
 

@@ -76,9 +76,6 @@ class TestRegularFile:
 
 
 class TestDatasets:
-    def test_valid_one_is_read(self, dataset):
-        assert len(read_dataset(dataset).trials) == 3
-
     @pytest.mark.parametrize("name", ["dataset.yaml", "trajectories.csv"])
     def test_a_link_out_of_the_folder_is_not_followed(self, dataset, name):
         content = (dataset / name).read_bytes()
