@@ -1,6 +1,7 @@
 """Valid datasets are read as they are; every kind of fault gets the message that a user needs."""
 
 import os
+import shutil
 import subprocess
 import sys
 
@@ -114,19 +115,25 @@ def test_importing_the_package_is_cheap():
 # --- files and YAML -----------------------------------------------------------------------------------------
 
 
-def test_missing_folder(tmp_path):
-    assert "the folder does not exist" in only(tmp_path / "nowhere")
-
-
-def test_folder_is_a_file(tmp_path):
-    (tmp_path / "x").write_text("")
-    assert "is a file, expected a folder" in only(tmp_path / "x")
-
-
-def test_missing_header(tmp_path):
-    folder = write(tmp_path, trajectories=trajectories())
-    (folder / "dataset.yaml").unlink()
-    assert "dataset.yaml: the file is missing" in only(folder)
+@pytest.mark.parametrize(
+    ("spoil", "message"),
+    [
+        (shutil.rmtree, "the folder does not exist"),
+        (lambda folder: (shutil.rmtree(folder), folder.write_text("")), "is a file, expected a folder"),
+        (lambda folder: (folder / "dataset.yaml").unlink(), "dataset.yaml: the file is missing"),
+        (lambda folder: (folder / "dataset.yaml").write_bytes(b"\xff\xfe\x00schema"), "is not UTF-8 text"),
+        (lambda folder: (folder / "trajectories.csv").unlink(), "neither is there"),
+        (
+            lambda folder: trajectories().to_parquet(folder / "trajectories.parquet"),
+            "trajectories.parquet is there too",
+        ),
+    ],
+    ids=["folder", "file", "header", "bytes", "table", "tables"],
+)
+def test_files_that_are_not_there_or_unclear(tmp_path, spoil, message):
+    folder = write(tmp_path / "drops", trajectories=trajectories())
+    spoil(folder)
+    assert message in only(folder)
 
 
 @pytest.mark.parametrize(
@@ -145,12 +152,6 @@ def test_missing_header(tmp_path):
 )
 def test_yaml_that_cannot_be_used(tmp_path, text, message):
     assert message in only(write(tmp_path, text, trajectories=trajectories()))
-
-
-def test_yaml_that_is_not_text(tmp_path):
-    folder = write(tmp_path, trajectories=trajectories())
-    (folder / "dataset.yaml").write_bytes(b"\xff\xfe\x00schema")
-    assert "is not UTF-8 text" in only(folder)
 
 
 def test_yaml_key_twice(tmp_path):
@@ -240,16 +241,6 @@ def test_what_a_homogeneous_body_cannot_be(tmp_path):
 def test_header_problems_name_the_line(tmp_path):
     text = "schema: 1\nbody:\n  shape: {kind: disk, radius: 0.03}\n  radius_of_gyration: 0.02\n  mass: -1\n"
     assert "dataset.yaml, line 5, body.mass:" in only(write(tmp_path, text, trajectories=trajectories()))
-
-
-def test_neither_table(tmp_path):
-    assert "neither is there" in only(write(tmp_path))
-
-
-def test_table_twice(tmp_path):
-    folder = write(tmp_path, trajectories=trajectories())
-    trajectories().to_parquet(folder / "trajectories.parquet")
-    assert "trajectories.parquet is there too" in only(folder)
 
 
 # --- tables -------------------------------------------------------------------------------------------------

@@ -150,7 +150,8 @@ def find_in_arrays(
         low_pass = low_pass_of(fits, samples, known, header.gravity, guard, sampling_interval(samples), lasting)
         if low_pass is not None and low_pass.moves_parabolas:
             # the filter lowered all free fall alike
-            everything = everything.raised(0.5 * header.gravity * low_pass.second_moment)
+            lowered = 0.5 * header.gravity * low_pass.second_moment
+            everything = replace(everything, q=everything.q + [0.0, lowered, 0.0])
             samples, at, fits, noise, glitch, sigma = search(settings, least)
     noise = with_colour(noise, fits, samples, at, settings.guard, smoothed=rounded > 0.0, on_table=on_table)
     if (doubted := overstated(noise, fits, samples, at, settings.guard)).any():
