@@ -8,6 +8,7 @@ Nothing of thesis_lib is used but the shape and the header.
 from dataclasses import dataclass
 
 import numpy as np
+import pandas as pd
 
 from thesis_lib.datasets.format.header import Header
 
@@ -38,6 +39,16 @@ class Flights:
         end = np.minimum(end, self.hit_trial * 1e3 + 999)
         count = lambda a, b: np.searchsorted(samples, b) - np.searchsorted(samples, a)  # noqa: E731
         return np.stack([count(start, key), count(key, end)], 1)
+
+    def nearest(self, trial: np.ndarray, t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Index (n,) of the true hit nearest to each instant, and how far off it is in s."""
+        off = np.abs((self.hit_trial * 1e3 + self.hit_t)[None] - (trial * 1e3 + t)[:, None])
+        return off.argmin(1), off.min(1)
+
+    @property
+    def table(self) -> pd.DataFrame:
+        """The samples as trajectories: trial, t, x, y, theta."""
+        return pd.DataFrame({"trial": self.trial, "t": self.t, **dict(zip(("x", "y", "theta"), self.q.T))})
 
 
 def ellipse_header(**changes: object) -> Header:

@@ -103,3 +103,50 @@ def drops(
     table.insert(0, "t", np.tile(np.arange(samples) / rate, n))
     table.insert(0, "trial", np.repeat(np.arange(n), samples))
     return Dataset("disk", header(rate), table, has_angle=has_angle)
+
+
+def drag(c_q: float = 0.0, c_v: float = 0.0, k_m: float = 0.0) -> Callable[[np.ndarray], np.ndarray]:
+    """Acceleration (n, 3) by v (n, 3): quadratic and linear drag, and the lift of a spin."""
+
+    def acceleration(v: np.ndarray) -> np.ndarray:
+        along = c_v + c_q * np.hypot(v[:, 0], v[:, 1])
+        across = k_m * v[:, 2]
+        return np.stack([-along * v[:, 0] - across * v[:, 1], -along * v[:, 1] + across * v[:, 0], 0.0 * along], axis=1)
+
+    return acceleration
+
+
+def light_balls(rate: float = 143.0, spin: float = 0.0, has_angle: bool = False, **air: float) -> Dataset:
+    """45 fast throws in air, as `drag` says, with a bounce each."""
+    rng = np.random.default_rng(0)
+    state, noise = released(45, rng, (0.3, 0.42), (4.0, 8.0), spin), (5e-4, 5e-4, 5e-3)
+    more = {"air": drag(**air), "noise": noise, "has_angle": has_angle}
+    return drops(state, bounces(0.9, 0.25), rate=rate, duration=0.5, rng=rng, **more)
+
+
+def damped(c_v: float, trials: int = 16, rate: float = 120.0, duration: float = 2.0) -> Dataset:
+    """Long flights with linear drag."""
+    rng = np.random.default_rng(1)
+    state = released(trials, rng, (2.0, 4.0), (-0.5, 0.5), 2.0)
+    return drops(state, bounces(0.95, 0.1), rate=rate, duration=duration, rng=rng, air=drag(c_v=c_v), steps=20)
+
+
+def stopping(slowest: float, rate: float = 120.0, epsilon: float = 0.5) -> Dataset:
+    """Hits below the speed `slowest` (m/s) do not rebound."""
+    rng = np.random.default_rng(2)
+    state = released(30, rng, (0.05, 0.45), (-0.2, 0.2), 5.0)
+    return drops(state, bounces(epsilon, 0.2, slowest), rate=rate, duration=1.2, rng=rng)
+
+
+def soft(duration: float, rate: float, heights: tuple = (0.2, 0.8)) -> Dataset:
+    """Contacts that last about `duration` (s)."""
+    rng = np.random.default_rng(3)
+    state, noise = released(20, rng, heights, (-0.3, 0.3), 4.0), (1e-4, 1e-4, 1e-3)
+    return drops(state, spring(duration, 0.2 / duration), rate=rate, duration=1.5, rng=rng, noise=noise)
+
+
+def growing(rate: float, steps: int) -> Dataset:
+    """A simulation that looks for contacts `steps` times a sample, and gains energy by it."""
+    rng = np.random.default_rng(4)
+    state, noise = released(16, rng, (1.5, 4.0), (-0.5, 0.5), 2.0), (1e-4, 1e-4, 1e-4)
+    return drops(state, once_a_step, rate=rate, duration=3.0, rng=rng, noise=noise, steps=steps)

@@ -4,10 +4,13 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
+import pytest
 import yaml
-from bouncing import fly
 
+from tests.datasets.bouncing import fly
+from thesis_lib.datasets import read_dataset
 from thesis_lib.datasets.format.header import Header
+from thesis_lib.datasets.format.validate import DatasetError, Problem
 
 RATE = 250.0
 SQUARE = [[0.03, 0.03], [-0.03, 0.03], [-0.03, -0.03], [0.03, -0.03]]
@@ -50,10 +53,7 @@ def bouncing_disk(
 ) -> pd.DataFrame:
     """Measured bounces of the disk on y = 0 with noise: trial, t, x, y, theta; `spin` in rad/s is added."""
     head = Header.model_validate(header(body=DISK, rate=rate))
-    flights = fly(head, np.random.default_rng(7), trials, int(0.6 * rate), position, angle)
-    frame = pd.DataFrame(flights.q, columns=["x", "y", "theta"])
-    frame.insert(0, "trial", flights.trial)
-    frame.insert(1, "t", flights.t)
+    frame = fly(head, np.random.default_rng(7), trials, int(0.6 * rate), position, angle).table
     return frame.assign(theta=frame["theta"] + spin * frame["t"])
 
 
@@ -89,3 +89,43 @@ def write(folder: Path, head: dict | str | None = None, **tables: pd.DataFrame |
         content = table if isinstance(table, str) else table.to_csv(index=False)
         (folder / f"{stem}.csv").write_text(content, encoding="utf-8")
     return folder
+
+
+WALLS = [
+    {"name": "south", "point": [0.0, -0.4], "normal": [0.0, 1.0]},
+    {"name": "north", "point": [0.0, 0.4], "normal": [0.0, -1.0]},
+]
+
+
+def between_walls(**changes) -> dict:
+    """dataset.yaml of a disk between two walls."""
+    content = header(body=DISK, gravity=0.0, surfaces=WALLS, noise={"position": 3.0e-4})
+    del content["surface"]
+    return content | changes
+
+
+def sliding(trials: int = 3, samples: int = 40) -> pd.DataFrame:
+    """A disk that slides from wall to wall: trial, t, x, y; its angle is not measured."""
+    poses = trajectories(trials, samples)
+    return poses.assign(y=0.3 - 0.5 * poses["t"]).drop(columns="theta")
+
+
+def problems(folder: Path, read=read_dataset) -> list[Problem]:
+    """What is wrong with a folder, each with its remedy."""
+    with pytest.raises(DatasetError) as caught:
+        read(folder)
+    for problem in caught.value.problems:
+        assert problem.remedy and problem.what and problem.what in str(caught.value)
+    return caught.value.problems
+
+
+def refusal(folder: Path, read=read_dataset) -> str:
+    """The same as text."""
+    return "\n".join(map(str, problems(folder, read)))
+
+
+def only(folder: Path) -> str:
+    """The text of the one problem that the folder has."""
+    found = problems(folder)
+    assert len(found) == 1, "\n".join(map(str, found))
+    return str(found[0])

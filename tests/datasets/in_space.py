@@ -97,12 +97,17 @@ def take(
     frame = Rotation.from_matrix(axes.T)  # columns: the plane's axes
     mount = mount or Rotation.identity()
     poses, turns, flat, which = [], [], [], []
+    held, nan = int(HOLD * rate), np.full((1, 3), np.nan)
 
     def add(p: np.ndarray, r: Rotation, q: np.ndarray, number: int) -> None:
         poses.append(p)
         turns.append(r.as_quat())
         flat.append(q)
         which.append(np.full(len(p), number))
+
+    def hold(p: np.ndarray, r: Rotation) -> None:
+        turn = Rotation.from_quat(np.repeat(r.as_quat(), held, 0))
+        add(np.repeat(p, held, 0), turn, np.repeat(nan, held, 0), -1)
 
     for number, drop in planar.groupby("trial"):
         q = drop[["x", "y", "theta"]].to_numpy()
@@ -112,7 +117,6 @@ def take(
         if number in tumbling:
             turn = Rotation.from_rotvec(np.outer(np.arange(len(q)) / rate * 20.0, [1.0, 0.0, 0.0])) * turn
         p, r = q[:, :2] @ axes[:2], frame * turn * mount
-        nan = np.full((1, 3), np.nan)
         if poses:
             ends = Rotation.from_quat([turns[-1][-1], r[0].as_quat()])
             s = np.linspace(0.0, 1.0, int(CARRY * rate))
@@ -121,21 +125,9 @@ def take(
             path = poses[-1][-1] + smooth[:, None] * (p[0] - poses[-1][-1]) + aside
             wiggle = Rotation.from_rotvec(np.outer(np.sin(np.pi * smooth), [0.8, 0.5, -0.6]))
             add(path, wiggle * Slerp([0.0, 1.0], ends)(smooth), np.repeat(nan, len(s), 0), -1)
-        held = int(HOLD * rate)
-        add(
-            np.repeat(p[:1], held, 0),
-            Rotation.from_quat(np.repeat(r[:1].as_quat(), held, 0)),
-            np.repeat(nan, held, 0),
-            -1,
-        )
+        hold(p[:1], r[:1])
         add(p, r, q, int(number))
-        rest = int(HOLD * rate)
-        add(
-            np.repeat(p[-1:], rest, 0),
-            Rotation.from_quat(np.repeat(r[-1:].as_quat(), rest, 0)),
-            np.repeat(nan, rest, 0),
-            -1,
-        )
+        hold(p[-1:], r[-1:])
     position = np.concatenate(poses)
     n = len(position)
     position = position + noise * 2e-4 * rng.standard_normal((n, 3))

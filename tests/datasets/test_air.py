@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from bouncing import ellipse_header, fly
-from falling_disk import bounces, drops, released
+from falling_disk import damped, light_balls
 
 from thesis_lib.datasets.flights.drag import air_in
 from thesis_lib.datasets.format.air import Air
@@ -13,30 +13,6 @@ from thesis_lib.datasets.impacts.detect import find_impacts
 EXACT = 1e-6  # relative: the path of constants in closed form, in double precision and small steps
 SIZE = 0.03  # relative: a coefficient of 45 flights of 0.2 s is known to 1 %
 SERIES = 2e-3  # share of the way that drag makes: the third power of the share of the velocity that it takes, 0.13
-
-
-def drag(c_q: float = 0.0, c_v: float = 0.0, k_m: float = 0.0):
-    def acceleration(v: np.ndarray) -> np.ndarray:
-        along = c_v + c_q * np.hypot(v[:, 0], v[:, 1])
-        across = k_m * v[:, 2]
-        return np.stack([-along * v[:, 0] - across * v[:, 1], -along * v[:, 1] + across * v[:, 0], 0.0 * along], axis=1)
-
-    return acceleration
-
-
-def light_balls(rate: float = 143.0, spin: float = 0.0, has_angle: bool = False, seed: int = 0, **air: float):
-    rng = np.random.default_rng(seed)
-    state = released(45, rng, (0.3, 0.42), (4.0, 8.0), spin)
-    return drops(
-        state,
-        bounces(0.9, 0.25),
-        rate=rate,
-        duration=0.5,
-        rng=rng,
-        air=drag(**air),
-        noise=(5e-4, 5e-4, 5e-3),
-        has_angle=has_angle,
-    )
 
 
 @pytest.mark.parametrize(("rate", "c_q"), [(143.0, 0.12), (240.0, 0.2), (60.0, 0.15)])
@@ -55,17 +31,7 @@ def test_a_spinning_ball_is_lifted_as_well():
 
 
 def test_linear_damping_is_told_from_air_drag():
-    rng = np.random.default_rng(1)
-    dataset = drops(
-        released(16, rng, (2.0, 4.0), (-0.5, 0.5), 2.0),
-        bounces(0.95, 0.1),
-        rate=120.0,
-        duration=2.0,
-        rng=rng,
-        air=drag(c_v=0.1),
-        steps=20,
-    )
-    found = find_impacts(dataset)
+    found = find_impacts(damped(0.1))
     assert found.air.c_v == pytest.approx(0.1, rel=SIZE) and not found.air.c_q
     assert found.arcs_air is None  # arcs of 0.2 s do not see it
 

@@ -6,6 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from bouncing import Flights, ellipse_header, fly
+from scipy.signal import lfilter
 
 from thesis_lib.datasets.flights.arcs import fit_arcs
 from thesis_lib.datasets.flights.noise import NoiseEstimate, estimate_spread
@@ -39,8 +40,7 @@ def find(f: Flights, settings: ArcSettings | None = None) -> FoundImpacts:
 def errors(f: Flights, found: FoundImpacts) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """State errors (n, 9), errors of t (n,) and index of the true impact (n,), of the impacts used."""
     impacts = found.impacts
-    true_key, key = f.hit_trial * 1e3 + f.hit_t, impacts.trial * 1e3 + impacts.t
-    near = np.abs(true_key[None] - key[:, None]).argmin(1)
+    near, _ = f.nearest(impacts.trial, impacts.t)
     error = np.c_[impacts.q - f.hit_q[near], impacts.v_pre - f.hit_pre[near], impacts.v_post - f.hit_post[near]]
     return error, impacts.t - f.hit_t[near], near
 
@@ -154,10 +154,7 @@ def test_correlated_noise_widens_the_covariance():
     f = fly(ellipse_header(), np.random.default_rng(7), 200, position=0.0, angle=0.0)
     rho, rng = 0.6, np.random.default_rng(8)
     white = rng.normal(size=f.q.shape) * [3e-4, 3e-4, 3e-3] * np.sqrt(1 - rho**2)
-    noise = np.zeros_like(white)
-    for i in range(1, len(noise)):
-        noise[i] = rho * noise[i - 1] + white[i]
-    f.q[:] = f.exact + noise
+    f.q[:] = f.exact + lfilter([1.0], [1.0, -rho], white, axis=0)
     found = find(f)
     assert (found.noise.colour > 2.0).all() and any("correlated" in text for text in found.warnings)
     assert LOOSE_CHI2[0] < chi2_per_dof(errors(f, found)[0][:, 3:], found.impacts.cov[:, 3:, 3:]) < LOOSE_CHI2[1]

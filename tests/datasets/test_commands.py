@@ -173,27 +173,22 @@ def test_init_converts_units_names_and_says_what_it_left_out(tmp_path, capsys):
     assert content["body"]["radius_of_gyration"] == pytest.approx(0.06 / np.sqrt(6.0))
 
 
-def cut_log(path: Path, cells: str) -> str:
-    """A log whose writing broke off: `cells` stand in the last row, without a line break."""
-    text = rig(trajectories()).to_csv(index=False)
-    path.write_text(text + cells)
-    return str(path)
-
-
-def test_init_says_that_a_log_was_cut_off_in_its_last_row(tmp_path, capsys):
-    log = cut_log(tmp_path / "log.csv", "2,160.0,282.")
-    assert init(tmp_path, log, "--units", "mm,deg,ms", "--columns", COLUMNS) == 0
+@pytest.mark.parametrize(
+    ("last", "said", "rows"),
+    [
+        ("2,160.0,282.", "the last row has 3 of 6 cells, so the file was cut off", 120),
+        ("2,160.0,280.0,120.0,53.8,1", "the last row does not end with a line break", 121),
+    ],
+)
+def test_init_says_that_a_log_may_have_been_cut_off(tmp_path, capsys, last, said, rows):
+    """Writing broke off: these cells stand in the last row, without a line break."""
+    (tmp_path / "log.csv").write_text(rig(trajectories()).to_csv(index=False) + last)
+    assert init(tmp_path, str(tmp_path / "log.csv"), "--units", "mm,deg,ms", "--columns", COLUMNS) == 0
     text = capsys.readouterr().out
-    assert "warning: log.csv, row 122: the last row has 3 of 6 cells, so the file was cut off" in text
-    assert "lost" not in text
-    same_poses(tmp_path, trajectories())
-
-
-def test_init_warns_of_a_number_that_may_have_been_cut_off(tmp_path, capsys):
-    log = cut_log(tmp_path / "log.csv", "2,160.0,280.0,120.0,53.8,1")
-    assert init(tmp_path, log, "--units", "mm,deg,ms", "--columns", COLUMNS) == 0
-    assert "warning: log.csv, row 122: the last row does not end with a line break" in capsys.readouterr().out
-    assert len(read_dataset(tmp_path / "out").trajectories) == 121
+    assert f"warning: log.csv, row 122: {said}" in text and "lost" not in text
+    poses = read_dataset(tmp_path / "out").trajectories
+    assert len(poses) == rows
+    np.testing.assert_allclose(poses["x"][:120], trajectories()["x"], atol=1e-12)
 
 
 def test_init_numbers_the_rows_that_it_leaves_out(tmp_path, capsys):

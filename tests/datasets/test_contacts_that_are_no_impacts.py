@@ -2,26 +2,13 @@
 
 import numpy as np
 import pytest
-from falling_disk import bounces, drops, once_a_step, released, spring
+from falling_disk import bounces, drops, growing, released, soft, stopping
 
-from thesis_lib.datasets.format.dataset import Dataset
 from thesis_lib.datasets.format.validate import DatasetError
 from thesis_lib.datasets.impacts.detect import find_impacts
 
 SPEED = 0.06  # relative: the speed at which rebound ends lies between two hits of a sample of 30
 DURATION = 0.1  # relative: a damped spring, and samples of a fifth of the contact
-
-
-def stopping(slowest: float, rate: float = 120.0, epsilon: float = 0.5, seed: int = 2) -> Dataset:
-    rng = np.random.default_rng(seed)
-    state = released(30, rng, (0.05, 0.45), (-0.2, 0.2), 5.0)
-    return drops(state, bounces(epsilon, 0.2, slowest), rate=rate, duration=1.2, rng=rng)
-
-
-def soft(duration: float, rate: float, heights: tuple = (0.2, 0.8)) -> Dataset:
-    rng = np.random.default_rng(3)
-    state = released(20, rng, heights, (-0.3, 0.3), 4.0)
-    return drops(state, spring(duration, 0.2 / duration), rate=rate, duration=1.5, rng=rng, noise=(1e-4, 1e-4, 1e-3))
 
 
 @pytest.mark.parametrize(("slowest", "rate", "epsilon"), [(1.0, 120.0, 0.5), (0.6, 240.0, 0.7)])
@@ -63,11 +50,7 @@ def test_a_surface_that_is_stated_too_high_is_no_soft_contact_and_no_step():
 
 @pytest.mark.parametrize(("rate", "steps"), [(60.0, 1), (120.0, 2)])
 def test_energy_that_grows_is_said_and_no_filter_is_blamed(rate: float, steps: int):
-    rng = np.random.default_rng(4)
-    state = released(16, rng, (1.5, 4.0), (-0.5, 0.5), 2.0)
-    found = find_impacts(
-        drops(state, once_a_step, rate=rate, duration=3.0, rng=rng, noise=(1e-4, 1e-4, 1e-4), steps=steps)
-    )
+    found = find_impacts(growing(rate, steps))
     # v grows by g dt at each impact
     speed = np.median(np.abs(found.impacts.v_pre[:, 1]))
     assert found.gain == pytest.approx(2.0 * 9.81 / (rate * steps) / speed, rel=0.1)

@@ -6,8 +6,8 @@ import numpy as np
 import pandas as pd
 import pytest
 from folders import header as planar_header
+from folders import only, refusal, write
 from folders import trajectories as planar_trajectories
-from folders import write
 from folders_in_space import BOX, body, header, impacts, mesh, trajectories, write_mesh
 from scipy.spatial.transform import Rotation
 
@@ -26,21 +26,6 @@ SHAPES = {
     "capsule": {"kind": "capsule", "radius": 0.02, "half_length": 0.05},
 }
 INERTIA = {"xx": 2.1e-4, "yy": 2.8e-4, "zz": 3.4e-4}
-
-
-def refusal(folder) -> str:
-    with pytest.raises(DatasetError) as caught:
-        read_dataset(folder)
-    for problem in caught.value.problems:
-        assert problem.what and problem.remedy
-    return str(caught.value)
-
-
-def only(folder) -> str:
-    """The text of the one problem that the folder has."""
-    text = refusal(folder)
-    assert "has 1 problem:" in text, text
-    return text
 
 
 def with_cells(frame: pd.DataFrame, row: int, **cells) -> pd.DataFrame:
@@ -448,13 +433,6 @@ def test_a_critique_of_a_dataset_in_space_says_what_is_there(tmp_path):
     assert {"diagnosis.json", "report.html"} <= {path.name for path in (tmp_path / "few").iterdir()}
     assert content["verdict"] is content["restitution"]["value"] is None
     assert content["summary"][0] == "Too few impacts for a verdict (0 in 0 trials; 30 in 10 are needed)."
-
-
-def test_links_among_the_tables_are_refused_as_in_the_plane(tmp_path):
-    folder = write(tmp_path / "drops", header())
-    trajectories().to_csv(tmp_path / "elsewhere.csv", index=False)
-    (folder / "trajectories.csv").symlink_to(tmp_path / "elsewhere.csv")
-    assert "leads out of its folder" in only(folder)
 
 
 def test_the_world_may_have_any_direction_up():

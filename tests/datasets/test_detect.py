@@ -38,8 +38,8 @@ def found(flights: Flights) -> FoundImpacts:
 
 def matched(f: Flights, trial: np.ndarray, t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Index of the nearest true impact (n,), and whether it is within a frame."""
-    distance = np.abs((f.hit_trial * 1e3 + f.hit_t)[None] - (trial * 1e3 + t)[:, None])
-    return distance.argmin(1), distance.min(1) < MATCH
+    index, off = f.nearest(trial, t)
+    return index, off < MATCH
 
 
 def test_finds_measurable_impacts_and_no_others(flights: Flights, found: FoundImpacts):
@@ -143,14 +143,11 @@ def test_single_sample_glitch_is_masked_and_reported(flights: Flights, found: Fo
 
 @pytest.mark.slow
 def test_a_gross_contradiction_is_refused_with_its_factor_and_cause(flights: Flights):
-    poses = pd.DataFrame(np.c_[flights.t, flights.q], columns=["t", "x", "y", "theta"])
-    poses.insert(0, "trial", flights.trial)
-
     def refusal(a: float = 0.035, b: float = 0.025, height: float = 0.012) -> str:
         shape = {"kind": "ellipse", "semi_axes": [a, b]}
         head = ellipse_header(body={"shape": shape, "radius_of_gyration": 0.0192}, surface={"height": height})
         try:
-            find_impacts(Dataset("drops", head, poses))
+            find_impacts(Dataset("drops", head, flights.table))
         except UserError as error:
             return str(error)
         return ""
@@ -239,9 +236,7 @@ def test_impacts_given_by_the_user_win():
 
 
 def test_driver_takes_a_dataset_and_refuses_an_empty_one(flights: Flights, found: FoundImpacts):
-    poses = pd.DataFrame(np.c_[flights.t, flights.q], columns=["t", "x", "y", "theta"])
-    poses.insert(0, "trial", flights.trial)
-    dataset = Dataset("drops", flights.header, poses)
+    dataset = Dataset("drops", flights.header, flights.table)
     np.testing.assert_array_equal(find_impacts(dataset).impacts.t, found.impacts.t)
     summary = found.summary()
     assert len(found.arcs) == summary["used"] + sum(summary["left_out"].values())

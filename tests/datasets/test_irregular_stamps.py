@@ -132,9 +132,8 @@ def test_drops_are_used_at_irregular_stamps() -> None:
     seen = np.concatenate(rows)
     found = find_in_arrays(exact.trial[seen], exact.t[seen], exact.q[seen], header)
     room = replace(exact, trial=exact.trial[seen], t=exact.t[seen]).room()
-    key, used = exact.hit_trial * 1e3 + exact.hit_t, found.impacts.trial * 1e3 + found.impacts.t
-    event = np.abs(key - used[:, None]).argmin(axis=1)
-    assert (np.abs(key[event] - used) < FAR / rate).all()
+    event, off = exact.nearest(found.impacts.trial, found.impacts.t)
+    assert (off < FAR / rate).all()
     assert np.isin(np.flatnonzero((room >= 4).all(axis=1)), event).mean() > SHARE
     assert found.impacts.cov is not None
     off = found.impacts.v_post - exact.hit_post[event]

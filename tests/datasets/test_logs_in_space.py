@@ -4,7 +4,15 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from tests.datasets.exports import MARKERS, write_bag, write_motive, write_table, write_vicon
+from tests.datasets.exports import (
+    MARKERS,
+    write_bag,
+    write_motive,
+    write_optitrack,
+    write_qualisys,
+    write_table,
+    write_vicon,
+)
 from tests.datasets.in_space import Take, take
 from thesis_lib.commands.datasets import main
 from thesis_lib.datasets import read_dataset
@@ -197,6 +205,8 @@ def logs(tmp_path_factory, recorded, recorded_y_up) -> dict:
         "euler": write_motive(recorded_y_up, folder / "euler.csv", "ZYX", others=False),
         "vicon": write_vicon(recorded, folder / "trial.csv"),
         "bag": write_bag(recorded, folder / "drops.mcap", "TFMessage"),
+        "qualisys": write_qualisys(recorded, folder / "drops.tsv", times=False),
+        "optitrack": write_optitrack(recorded, folder / "old.csv"),
     }
 
 
@@ -227,11 +237,17 @@ def edited(path, out, old: str, new: str):
         ("vicon", "Frame,Sub Frame,RX", "Sub Frame,Frame,RX", "row 4: expected the columns of 'segments'"),
         ("vicon", "deg,deg,deg", "grad,grad,grad", "'grad' is not a unit of RX"),
         ("vicon", "mm,mm,mm", "in,in,in", "'in' is not a known unit of length"),
+        ("qualisys", "DATA_INCLUDED\t6D", "DATA_INCLUDED\t2D", "no line DATA_INCLUDED with 6D or 3D"),
+        ("qualisys", "BODY_NAMES\trod", "BODY_NAMES\tcup\trod", "3 names, but no X, Y, Z of each"),
+        ("qualisys", "FREQUENCY\t250", "FREQUENCY\tEXT", "FREQUENCY is missing or no rate in Hz"),
+        ("qualisys", "rod X\tY", "rod X\tQ", "no X, Y, Z of each"),
+        ("optitrack", 'rigidbody,"plate"', 'body,"plate"', "has no body 'plate'"),
+        ("optitrack", "\nframe,20,", "\nframe,20,now", "column 3: 'now"),
     ],
 )
 def test_exports_of_another_kind_are_refused(tmp_path, logs, capsys, form, old, new, message):
     log = edited(logs[form], tmp_path / "log.csv", old, new)
-    assert init(tmp_path, log, *(["--body", "plate"] if form == "motive" else [])) == 2
+    assert init(tmp_path, log, *([] if form == "vicon" else ["--body", "plate"])) == 2
     assert message in capsys.readouterr().err
 
 

@@ -8,7 +8,7 @@ import pytest
 
 from tests.datasets.exports import PUBLISHED, write_bag, write_c3d, write_optitrack, write_qualisys
 from tests.datasets.in_space import UP, Take, take
-from tests.datasets.test_logs_in_space import SHAPE, edited, init, same_drops
+from tests.datasets.test_logs_in_space import init, same_drops
 from thesis_lib.commands.datasets import main
 from thesis_lib.datasets import find_impacts, read_dataset
 from thesis_lib.datasets.sources.logs import convert, convert_motions
@@ -244,22 +244,3 @@ def test_a_type_of_another_content_is_refused(tmp_path, short):
     other = PUBLISHED | {kind: PUBLISHED[kind].replace("uint32 frame_number", "uint64 frame_number")}
     with pytest.raises(UserError, match="not the standard ones of this name"):
         read_bag(write_bag(short, tmp_path / "a.mcap", "RigidBodies", published=other), "plate", [])
-
-
-@pytest.mark.parametrize(
-    ("form", "old", "new", "message"),
-    [
-        ("qualisys", "DATA_INCLUDED\t6D", "DATA_INCLUDED\t2D", "no line DATA_INCLUDED with 6D or 3D"),
-        ("qualisys", "BODY_NAMES\trod", "BODY_NAMES\tcup\trod", "3 names, but no X, Y, Z of each"),
-        ("qualisys", "FREQUENCY\t250", "FREQUENCY\tEXT", "FREQUENCY is missing or no rate in Hz"),
-        ("qualisys", "rod X\tY", "rod X\tQ", "no X, Y, Z of each"),
-        ("optitrack", 'rigidbody,"plate"', 'body,"plate"', "has no body 'plate'"),
-        ("optitrack", "\nframe,20,", "\nframe,20,now", "column 3: 'now"),
-    ],
-)
-def test_exports_of_another_kind_are_refused(tmp_path, short, capsys, form, old, new, message):
-    write = {"qualisys": write_qualisys, "optitrack": write_optitrack}[form]
-    path = write(short, tmp_path / "whole.csv", **({"times": False} if form == "qualisys" else {}))
-    log = edited(path, tmp_path / "log.csv", old, new)
-    assert main(["init", str(log), "-o", str(tmp_path / "out"), *SHAPE, "--body", "plate"]) == 2
-    assert message in capsys.readouterr().err

@@ -3,8 +3,7 @@
 import numpy as np
 import pandas as pd
 import pytest
-from folders import DISK, bouncing_disk, header, impacts, trajectories, write
-from test_read import only
+from folders import DISK, WALLS, between_walls, bouncing_disk, header, impacts, only, sliding, trajectories, write
 
 from thesis_lib.bodies.shapes import Disk
 from thesis_lib.bodies.walls import Wall, as_filmed, in_wall_frame, struck_wall, turns
@@ -24,25 +23,8 @@ from thesis_lib.simulate.table.puck import (
     simulate_puck,
 )
 
-WALLS = [
-    {"name": "south", "point": [0.0, -0.4], "normal": [0.0, 1.0]},
-    {"name": "north", "point": [0.0, 0.4], "normal": [0.0, -1.0]},
-]
 TURNED = 0.6  # rad
 ASKEW = 2e-3  # m/s, one sigma of a velocity: detection sees x and y apart, so single samples change sides
-
-
-def table(**changes) -> dict:
-    """dataset.yaml of a disk between two walls."""
-    content = header(body=DISK, gravity=0.0, surfaces=WALLS, noise={"position": 3.0e-4})
-    del content["surface"]
-    return content | changes
-
-
-def sliding():
-    """A disk that slides to and fro between the walls."""
-    poses = trajectories()
-    return poses.assign(y=0.3 - 0.5 * poses["t"]).drop(columns="theta")
 
 
 def test_a_floor_is_its_own_wall_and_a_ceiling_is_a_floor_upside_down() -> None:
@@ -74,7 +56,7 @@ def test_in_a_corner_the_wall_is_told_by_the_way_in_which_the_body_is_pushed() -
 
 
 def test_a_dataset_without_theta_is_read_and_written_back(tmp_path) -> None:
-    dataset = read_dataset(write(tmp_path / "a", table(), trajectories=sliding()))
+    dataset = read_dataset(write(tmp_path / "a", between_walls(), trajectories=sliding()))
     assert not dataset.has_angle
     assert (dataset.trajectories["theta"] == 0.0).all()
     again = read_dataset(write_dataset(dataset, tmp_path / "b", float_format=None))
@@ -104,18 +86,18 @@ def test_theta_may_be_absent_for_a_disk_only(tmp_path) -> None:
     ],
 )
 def test_each_mistake_about_walls_is_said(tmp_path, changes: dict, said: str) -> None:
-    text = only(write(tmp_path, table(**changes), trajectories=sliding()))
+    text = only(write(tmp_path, between_walls(**changes), trajectories=sliding()))
     assert said in text, text
 
 
 def test_lengths_in_millimetres_are_noticed_without_gravity_too(tmp_path) -> None:
     poses = sliding()
-    folder = write(tmp_path, table(), trajectories=poses.assign(x=1e3 * poses["x"]))
+    folder = write(tmp_path, between_walls(), trajectories=poses.assign(x=1e3 * poses["x"]))
     assert "column x: looks like millimetres" in only(folder)
 
 
 def test_impacts_cannot_be_given_for_walls(tmp_path) -> None:
-    text = only(write(tmp_path, table(), trajectories=sliding(), impacts=impacts()))
+    text = only(write(tmp_path, between_walls(), trajectories=sliding(), impacts=impacts()))
     assert "which wall was hit" in text
 
 

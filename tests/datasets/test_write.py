@@ -1,11 +1,10 @@
-"""What is written is read back, and no input makes the reader fail otherwise than with a `UserError`."""
+"""What is written is read back, to the last bit where that is asked for."""
 
 import string
 
 import numpy as np
 import pytest
-import yaml
-from folders import header, impacts, trajectories, write
+from folders import impacts, trajectories, write
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
@@ -84,50 +83,3 @@ def test_stale_tables_are_not_mixed_in(tmp_path):
     only_poses = Dataset("b", dataset.header, dataset.trajectories)
     with pytest.raises(UserError, match=r"impacts\.csv is in the way"):
         write_dataset(only_poses, tmp_path / "b")
-
-
-def _mutate(rng: np.random.Generator, content: bytes) -> bytes:
-    data = bytearray(content)
-    for _ in range(rng.integers(1, 4)):
-        at = int(rng.integers(0, len(data) + 1))
-        kind = rng.integers(0, 6)
-        if kind == 0:  # a random byte
-            data[at:at] = bytes(rng.integers(0, 256, 1, dtype=np.uint8))
-        elif kind == 1:  # cut off
-            del data[max(at, 1) :]
-        elif kind == 2:  # a piece lost
-            del data[at : at + int(rng.integers(1, 40))]
-        elif kind == 3:  # a piece twice
-            data[at:at] = data[max(0, at - 30) : at]
-        elif kind == 4:  # a nasty word
-            words = [b"nan", b"inf", b"1e999", b"-", b'"', b"\n\n", b",,", b"*x", b"&x", b"{", b"9" * 400, b"True"]
-            words += [b"!!python/name:os", b"\x00", b"\r", b"1j", b"0x1F", b"\xef\xbb\xbf", b": ", b"- ", b"1_0"]
-            data[at:at] = words[int(rng.integers(0, len(words)))]
-        elif at < len(data):  # a character of a number changed
-            data[at] = int(rng.choice(np.frombuffer(b"0123456789.-,e", dtype=np.uint8)))
-    return bytes(data)
-
-
-@pytest.mark.slow
-def test_mutated_files_never_crash_the_reader(tmp_path):
-    head = yaml.safe_dump(header()).encode()
-    files = {
-        "dataset.yaml": head,
-        "trajectories.csv": trajectories(2, 12).to_csv(index=False).encode(),
-        "impacts.csv": impacts(4, 2).assign(t=range(8), flags="a").to_csv(index=False).encode(),
-    }
-    folder = tmp_path / "fuzz"
-    folder.mkdir()
-    rng = np.random.default_rng(20240601)
-    outcomes = {"read": 0, "refused": 0}
-    for i in range(330):
-        for j, (name, content) in enumerate(files.items()):
-            (folder / name).write_bytes(_mutate(rng, content) if i % 3 == j else content)
-        try:
-            read_dataset(folder)
-            outcomes["read"] += 1
-        except UserError as error:
-            assert str(error)
-            outcomes["refused"] += 1
-    assert outcomes["refused"] > 100
-    assert outcomes["read"] > 5

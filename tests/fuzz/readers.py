@@ -15,6 +15,8 @@ import numpy as np
 import pandas as pd
 import yaml
 
+from tests.datasets import folders
+from tests.datasets import folders_in_space as in_space
 from tests.fuzz.intermediates import (
     ROOT,
     csv_of,
@@ -42,91 +44,49 @@ class Reader:
     contained: bool = False
 
 
+def _yaml(content: dict) -> bytes:
+    return yaml.safe_dump(content, sort_keys=False).encode()
+
+
 def _dataset_samples() -> list[Sample]:
-    shapes = (
-        {"kind": "ellipse", "semi_axes": [0.035, 0.025]},
-        {"kind": "polygon", "vertices": [[0.03, 0.03], [-0.03, 0.03], [-0.03, -0.03], [0.03, -0.03]]},
-        {"kind": "disk", "radius": 0.03},
-    )
-    walls = [
-        {"name": "south", "point": [0.0, -0.4], "normal": [0.0, 1.0]},
-        {"name": "north", "point": [0.0, 0.4], "normal": [0.0, -1.0]},
-    ]
-    surroundings = [{"surface": {"height": 0.0}, "gravity": 9.81}] * 2
-    surroundings += [{"surfaces": walls, "gravity": 0.0, "spin": 20.0}]
-    headers = [
-        yaml.safe_dump(
-            {
-                "schema": 1,
-                "description": "drops of a body",
-                "body": {"shape": shape, "mass": 0.05, "radius_of_gyration": 0.022},
-                **around,
-                "rate": 250.0,
-                "noise": {"position": 3e-4, "angle": 3e-3, "velocity": 0.02, "angular_velocity": 0.5},
-            },
-            sort_keys=False,
-        ).encode()
-        for shape, around in zip(shapes, surroundings)
-    ]
-    trial, i = np.divmod(np.arange(90), 30)
-    t = i / 250.0
-    poses = pd.DataFrame(
-        {
-            "trial": trial,
-            "t": t,
-            "x": 0.1 * trial + 0.5 * t,
-            "y": 0.25 - 9.81 * t**2 / 2,
-            "theta": 0.3 + (2.0 + trial) * t,
-        }
-    )
-    sliding = poses.assign(y=0.3 - 4.0 * poses["t"]).drop(columns="theta")  # a puck, whose angle is not measured
-    n = np.arange(12)
-    hits = pd.DataFrame({"trial": n, "impact": 0, "x": 0.01 * n, "y": 0.0424, "theta": np.pi / 4 + 0.01 * np.cos(n)})
-    hits = hits.assign(vx_pre=0.5, vy_pre=-2.0, omega_pre=n - 6.0, vx_post=0.4, vy_post=1.0, omega_post=1.0 * n)
+    """An ellipse, a square, and a puck between walls, whose angle is not measured; then bodies in space."""
+    noise = {"position": 3e-4, "angle": 3e-3, "velocity": 0.02, "angular_velocity": 0.5}
+    body = {"shape": {"kind": "ellipse", "semi_axes": [0.035, 0.025]}, "mass": 0.05, "radius_of_gyration": 0.022}
+    ellipse = _yaml(folders.header(body=body, noise=noise))
+    poses = folders.trajectories(3, 30)
+    puck = {"dataset.yaml": _yaml(folders.between_walls(spin=20.0))}
     return [
-        {"dataset.yaml": headers[0], "trajectories.csv": csv_of(poses)},
-        {"dataset.yaml": headers[1], "impacts.csv": csv_of(hits)},
-        {"dataset.yaml": headers[2], "trajectories.csv": csv_of(sliding)},
-        {"dataset.yaml": headers[0], "trajectories.parquet": parquet_of(poses)},
-        *_samples_in_space(poses),
+        {"dataset.yaml": ellipse, "trajectories.csv": csv_of(poses)},
+        {"dataset.yaml": _yaml(folders.header(noise=noise)), "impacts.csv": csv_of(folders.impacts(12, 1))},
+        puck | {"trajectories.csv": csv_of(folders.sliding(3, 30))},
+        {"dataset.yaml": ellipse, "trajectories.parquet": parquet_of(poses)},
+        *_samples_in_space(),
     ]
 
 
-def _samples_in_space(poses: pd.DataFrame) -> list[Sample]:
+def _samples_in_space() -> list[Sample]:
     """A box, a ball without orientation, and a body as a mesh."""
-    turn = 0.5 * poses["theta"]
-    flights = poses.drop(columns=["y", "theta"]).assign(
-        y=0.1, z=poses["y"], qw=np.cos(turn), qx=0.0, qy=0.0, qz=np.sin(turn)
-    )
-    hits = flights.iloc[::9].rename(columns={"t": "impact"}).assign(trial=np.arange(len(flights[::9])), impact=0)
-    for i, when in enumerate(("pre", "post")):
-        hits = hits.assign(**{f"v{axis}_{when}": 0.1 for axis in "xy"}, **{f"vz_{when}": 3.0 * i - 2.0})
-        hits = hits.assign(**{f"w{axis}_{when}": np.arange(len(hits)) - i for axis in "xyz"})
-    told = {"schema": 2, "rate": 250.0, "noise": {"position": [1e-4, 1e-4, 3e-4], "rotation": 3e-3}}
+    flights, hits = in_space.trajectories(3, 30), in_space.impacts()
+    noise = {"position": [1e-4, 1e-4, 3e-4], "rotation": 3e-3}
     inertia = {"xx": 2.1e-4, "yy": 2.8e-4, "zz": 3.4e-4, "xy": 1e-6}
-    box = {"kind": "box", "half_extents": [0.05, 0.04, 0.03], "edge_radius": 0.001}
-    box_body = {"shape": box, "mass": 0.25, "inertia": inertia, "uncertainty": {"center_of_mass": 5e-4}}
-    place = {"tracked": {"position": [0, 0, 0.03]}, "surface": {"point": [0, 0, 0.01]}, "gravity": [0, 0, -9.81]}
+    rounded = in_space.BOX | {"edge_radius": 0.001}
+    box = in_space.body(shape=rounded, homogeneous=None, inertia=inertia, uncertainty={"center_of_mass": 5e-4})
+    place = {"tracked": {"position": [0, 0, 0.03]}, "surface": {"point": [0, 0, 0.01]}}
     ball = {"shape": {"kind": "sphere", "radius": 0.03}, "radii_of_gyration": [0.02, 0.02, 0.02]}
     floor = {"name": "floor", "point": [0, 0, 0], "normal": [0, 0, 1], "extent": [[1, 1, 0], [-1, 1, 0], [0, -1, 0]]}
-    mesh = {"shape": {"kind": "mesh", "file": "body.obj", "scale": 0.001}, "homogeneous": True}
-    corners = "".join(f"v {x} {y} {z}\n" for x, y, z in ((40, 0, 0), (-20, 30, 0), (-20, -30, 0), (0, 0, 40)))
+    mesh = in_space.body(shape={"kind": "mesh", "file": "body.obj", "scale": 0.001})
     heads = [
-        yaml.safe_dump(told | more, sort_keys=False).encode()
+        _yaml(in_space.header(noise=noise, **more))
         for more in (
-            {"body": box_body} | place,
-            {"body": ball, "surfaces": [floor], "spin": 20.0},
-            {"body": mesh, "tracked": "unknown"},
+            {"body": box} | place,
+            {"body": ball, "surface": None, "surfaces": [floor], "spin": 20.0},
+            {"body": mesh, "surface": None, "gravity": None, "tracked": "unknown"},
         )
     ]
     return [
         {"dataset.yaml": heads[0], "trajectories.csv": csv_of(flights), "impacts.parquet": parquet_of(hits)},
         {"dataset.yaml": heads[1], "trajectories.csv": csv_of(flights.drop(columns=["qw", "qx", "qy", "qz"]))},
-        {
-            "dataset.yaml": heads[2],
-            "impacts.csv": csv_of(hits),
-            "body.obj": f"{corners}f 1 3 2\nf 1 2 4\nf 2 3 4\nf 3 1 4\n".encode(),
-        },
+        {"dataset.yaml": heads[2], "impacts.csv": csv_of(hits), "body.obj": in_space.mesh((50.0, 40.0, 30.0))},
     ]
 
 
@@ -421,7 +381,7 @@ READERS: dict[str, Reader] = {
 }
 # shares of the inputs: what strangers send comes first, the command lines run a dozen programs each
 WEIGHTS = {
-    "dataset": 6,
+    "dataset": 8,
     "config": 3,
     "claims": 3,
     "model": 3,

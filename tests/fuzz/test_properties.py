@@ -213,47 +213,39 @@ class TestDatasets:
         either(read_dataset, folder, names=spoilt)
 
 
-class TestTypedFiles:
-    @pytest.mark.slow
-    @few
-    @given(st.data())
-    def test_a_configuration_with_any_value_anywhere_is_read_or_refused(self, folder, data):
-        values = Config().model_dump(mode="json", by_alias=True)
-        place = data.draw(st.sampled_from(places(values)))
-        (folder / "config.yaml").write_text(yaml.safe_dump(replaced(values, place, data.draw(tree))))
-        config = either(read_config, folder / "config.yaml", names="config.yaml")
-        assert config is None or isinstance(config, Config)
+def model() -> dict:
+    return json.loads(READERS["model"].samples()[0]["model.json"])
 
-    @few
-    @given(st.data())
-    def test_a_ledger_with_any_value_anywhere_is_read_or_refused(self, folder, data):
-        values = yaml.safe_load(READERS["claims"].samples()[0]["claims.yaml"])
-        place = data.draw(st.sampled_from(places(values)))
-        (folder / "claims.yaml").write_text(yaml.safe_dump(replaced(values, place, data.draw(tree))))
-        either(read_ledger, folder / "claims.yaml", names="claims.yaml")
 
-    @staticmethod
-    def model() -> dict:
-        return json.loads(READERS["model"].samples()[0]["model.json"])
+TYPED: dict[str, tuple[Callable[[], dict], Callable]] = {  # file -> what a valid one holds, and what reads it
+    "config.yaml": (lambda: Config().model_dump(mode="json", by_alias=True), read_config),
+    "claims.yaml": (lambda: yaml.safe_load(READERS["claims"].samples()[0]["claims.yaml"]), read_ledger),
+    "model.json": (model, load_model),
+}
 
-    @few
-    @given(st.floats(0.0, 10.0), st.floats(-0.1, 0.1), st.floats(1e-3, 1e3))
-    def test_a_model_comes_back(self, folder, mu, offset, size):
-        content = self.model()
-        content["parameters"]["mu"]["value"] = mu
-        content["parameters"]["com_offset.c_x"]["value"] = offset
-        content["rig"]["radius_of_gyration"] = size
-        model = SavedModel.model_validate(content)
-        model.save(folder / "model.json")
-        assert load_model(folder / "model.json") == model
 
-    @few
-    @given(st.data())
-    def test_a_model_with_any_value_anywhere_is_read_or_refused(self, folder, data):
-        model = self.model()
-        place = data.draw(st.sampled_from(places(model)))
-        (folder / "model.json").write_text(json.dumps(replaced(model, place, data.draw(tree))))
-        either(load_model, folder / "model.json", names="model.json")
+@pytest.mark.parametrize("name", [pytest.param("config.yaml", marks=pytest.mark.slow), "claims.yaml", "model.json"])
+@few
+@given(st.data())
+def test_a_typed_file_with_any_value_anywhere_is_read_or_refused(folder, name, data):
+    make, read = TYPED[name]
+    values = make()
+    place = data.draw(st.sampled_from(places(values)))
+    written = (json.dumps if name.endswith(".json") else yaml.safe_dump)(replaced(values, place, data.draw(tree)))
+    (folder / name).write_text(written)
+    either(read, folder / name, names=name)
+
+
+@few
+@given(st.floats(0.0, 10.0), st.floats(-0.1, 0.1), st.floats(1e-3, 1e3))
+def test_a_model_comes_back(folder, mu, offset, size):
+    content = model()
+    content["parameters"]["mu"]["value"] = mu
+    content["parameters"]["com_offset.c_x"]["value"] = offset
+    content["rig"]["radius_of_gyration"] = size
+    made = SavedModel.model_validate(content)
+    made.save(folder / "model.json")
+    assert load_model(folder / "model.json") == made
 
 
 @few

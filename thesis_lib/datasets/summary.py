@@ -199,18 +199,18 @@ def _hit_lines(hits: dict) -> list[str]:
     lines = [f"tracked     {hits['tracked']}"] if hits["tracked"] else []
     if "why" in hits:
         return [*lines, f"critique    none: {hits['why']}"]
-
-    def counts(of: dict[str, int]) -> str:
-        return ", ".join(f"{name} {count}" for name, count in of.items())
-
-    kinds = counts(hits["by_contact"])
+    kinds = _counts(hits["by_contact"])
     lines.append(f"hits        {hits['used']} can be used in {hits['trials']} trials{f' ({kinds})' if kinds else ''}")
-    lines += [f"  left out  {reason} {sum(of.values())} ({counts(of)})" for reason, of in hits["left_out"].items()]
+    lines += [f"  left out  {reason} {sum(of.values())} ({_counts(of)})" for reason, of in hits["left_out"].items()]
     if elsewhere := hits["elsewhere"]:
         lines.append(
             f"  elsewhere {len(elsewhere)} hits off the surface, of a hand or another body{_named(elsewhere, 'at')}"
         )
     return lines if are_enough(hits["used"], hits["trials"]) else [*lines, _no_verdict(hits["used"], hits["trials"])]
+
+
+def _counts(of: dict[str, int]) -> str:
+    return ", ".join(f"{name} {count}" for name, count in of.items())
 
 
 def _named(times: Iterable[tuple[int, float]], word: str) -> str:
@@ -221,16 +221,16 @@ def _named(times: Iterable[tuple[int, float]], word: str) -> str:
 
 
 def _detection_lines(part: dict, stated: dict, given: bool) -> list[str]:
-    def counts(of: dict[str, int]) -> str:
-        return f"{sum(of.values())} (" + ", ".join(f"{name} {count}" for name, count in of.items()) + ")" if of else "0"
-
+    left_out, flagged = (
+        f"{sum(of.values())} ({_counts(of)})" if of else "0" for of in (part["left_out"], part["flagged"])
+    )
     quick = "second_hit" in part["left_out"]
     lines = [
         f"detection   {part['used']} impacts of the trajectories can be used"
         + (" (impacts.csv is used in their place)" if given else ""),
-        f"  left out  {counts(part['left_out'])}"
+        f"  left out  {left_out}"
         + ("; a critique also uses those that follow each other quickly, as episodes" if quick and not given else ""),
-        f"  flags     {counts(part['flagged'])}",
+        f"  flags     {flagged}",
     ]
     if part["glitches"]:
         lines.append(f"  glitches  {part['glitches']} samples, treated as lost frames")

@@ -13,6 +13,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from thesis_lib.datasets.format.validate import first_of
 from thesis_lib.statistics.spread import MAD_TO_STD
 
 BEFORE, AFTER, STEPS = 12, 48, 61  # samples beside the kick by which heights are alike, and points among them
@@ -27,12 +28,9 @@ FLOOR = 1e-7  # m
 
 def copies_text(pairs: Sequence[tuple[int, int]]) -> str:
     """Message on pairs of an original and its copy."""
-    shown = ", ".join(f"{copy} of {original}" for original, copy in pairs[:5])
-    more = f" and {len(pairs) - 5} more" if len(pairs) > 5 else ""
-    return (
-        f"{len({copy for _, copy in pairs})} releases are copies of others, cut, resampled, mirrored or moved: "
-        f"trial {shown}{more}"
-    )
+    shown = first_of([f"{copy} of {original}" for original, copy in pairs], 5)
+    count = len({copy for _, copy in pairs})
+    return f"{count} releases are copies of others, cut, resampled, mirrored or moved: trial {shown}"
 
 
 def copied_releases(trial: np.ndarray, t: np.ndarray, height: np.ndarray) -> list[tuple[int, int]]:

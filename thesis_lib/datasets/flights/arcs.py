@@ -44,7 +44,7 @@ from dataclasses import dataclass, fields
 import numpy as np
 
 from thesis_lib.bodies.walls import gap_slopes, gaps, struck_wall
-from thesis_lib.datasets.flights.lines import lines_through, norm
+from thesis_lib.datasets.flights.lines import lines_through
 from thesis_lib.datasets.flights.misfits import misfits
 from thesis_lib.datasets.flights.windows import Windows, sides_of, windows_around
 from thesis_lib.datasets.format.air import Air
@@ -173,7 +173,7 @@ def fit_arcs(
             _start_from_lines(p, side, tau, windows.q, g)
             at_wall = _reaches_a_wall(p, windows, header)
         # d of equation 2, per unit of u
-        offset = spread * norm((p[:, _POST] - p[:, _PRE]) * metric)[:, None] / metric
+        offset = spread * np.linalg.norm((p[:, _POST] - p[:, _PRE]) * metric, axis=1)[:, None] / metric
         q = _parabolas(p, tau, windows.q, samples.air, g)
         hessian, gradient = _normal_equations(p, side, tau, q, weight, g, offset, stray, samples.air)
         gap, touch = _touch(p, windows, header)

@@ -29,12 +29,12 @@ NODES = 8  # exact to 1e-6 of its size for a path that turns by 2.5 rad in a win
 
 def rank(side: np.ndarray) -> np.ndarray:
     """Rank 1, 2, … of the used samples (n, 2, W), counted away from the impact on either side."""
-    return np.stack([np.cumsum(side[:, 0, ::-1], 1)[:, ::-1], np.cumsum(side[:, 1], 1)], 1)
+    return np.stack([ranked(side[:, 0], -1), ranked(side[:, 1], 1)], 1)
 
 
-def norm(a: np.ndarray) -> np.ndarray:
-    """Euclidean norm of `a` (..., d) over its last axis: (...)."""
-    return np.sqrt(np.sum(a * a, axis=-1))
+def ranked(used: np.ndarray, way: int) -> np.ndarray:
+    """The same on one side (m, W); `way` is −1 before the impact and 1 after it."""
+    return np.cumsum(used[:, ::way], axis=1)[:, ::way]
 
 
 @dataclass(frozen=True)

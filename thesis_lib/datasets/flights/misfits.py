@@ -10,7 +10,7 @@ where b is the residual of τ²/2 from a line.
 
 import numpy as np
 
-from thesis_lib.datasets.flights.lines import bow, lines_through, norm, rank
+from thesis_lib.datasets.flights.lines import bow, lines_through, rank
 
 
 def with_stray(
@@ -104,7 +104,7 @@ def misfits(
         "bow2": norm2[..., 0],
         "chi2": (ss * white).sum(2),
         "chi2_meet": (across**2 * inverse).sum(1),
-        "miss": norm(across * metric),
+        "miss": np.linalg.norm(across * metric, axis=-1),
         "miss_noise": miss_noise,
         "chi2_near": chi2_near.max((1, 2), initial=0.0),
         "near": np.sqrt(near2.max((1, 2), initial=0.0)),

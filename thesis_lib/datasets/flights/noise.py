@@ -21,7 +21,6 @@ import pandas as pd
 
 from thesis_lib.datasets.flights.arcs import ArcFits, fit_arcs, is_bent
 from thesis_lib.datasets.flights.colour import long_flights, slope_variance
-from thesis_lib.datasets.flights.lines import norm
 from thesis_lib.datasets.format.header import Header
 from thesis_lib.datasets.format.samples import ArcSettings, Samples
 from thesis_lib.statistics.spread import robust_std
@@ -184,7 +183,7 @@ def _stray_acceleration(fits: ArcFits, sigma: np.ndarray, colour: np.ndarray, on
     What slows all arcs alike on a table is known better than the curvature of each.
     """
     fits = fits.flying
-    speed = norm(np.stack([fits.v_pre, fits.v_post], axis=1)[..., :2])
+    speed = np.linalg.norm(np.stack([fits.v_pre, fits.v_post], axis=1)[..., :2], axis=-1)
     moving = (speed > _MOVING) | (not on_table)  # a rest shows no friction
     long = moving & (fits.n_side >= _LONG_ARC_SAMPLES)
     if long.sum() < _MIN_ARCS:
@@ -214,7 +213,7 @@ def estimate_spread(
     estimated from them; `k_g` in m.
     """
     rescale = np.max(noise.used**2 * noise.colour / assumed**2)
-    dv = norm((fits.v_post - fits.v_pre) * [1.0, 1.0, k_g])
+    dv = np.linalg.norm((fits.v_post - fits.v_pre) * [1.0, 1.0, k_g], axis=1)
     good = (fits.n_side >= _MIN_ARC_SAMPLES).all(1) & fits.converged & (dv > settings.min_jump)
     good &= fits.miss < settings.meet_time * dv  # a larger miss means two hits
     if good.sum() < _MIN_ARCS:

@@ -1,6 +1,6 @@
 """Poses of all trials as flat arrays, and the settings of the search for impacts in them."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Annotated
 
 import numpy as np
@@ -81,10 +81,6 @@ class Samples:
         wanted = at[:, None] + np.arange(low, high)
         index = np.clip(wanted, 0, len(self) - 1)
         return index, (wanted == index) & (self.trial[index] == trial[:, None])
-
-    def raised(self, height: float) -> "Samples":
-        """The samples with `height` (m) added to y."""
-        return replace(self, q=self.q + [0.0, height, 0.0])
 
     def without_air(self) -> np.ndarray:
         """q (N, 3) less what the air has made of it since the start of the trial: free flight becomes a parabola."""

@@ -104,17 +104,21 @@ class UsableRows:
 
 def row_text(rows: Sequence[int] | np.ndarray) -> str:
     """Row numbers in words."""
-    shown = ", ".join(str(int(row)) for row in rows[:SHOWN])
-    more = f" and {len(rows) - SHOWN} more" if len(rows) > SHOWN else ""
-    return f"row{'s' if len(rows) != 1 else ''} {shown}{more}"
+    return f"row{'s' if len(rows) != 1 else ''} {first_of(rows)}"
 
 
-def checked_folder(path: str | Path, content: str) -> tuple[Path, str]:
-    """The folder at `path` and its name, which results carry; `content` is what it must hold, for the message.
+def first_of(names: Sequence | np.ndarray, most: int = SHOWN, more: str = "more") -> str:
+    """'a, b and 12 more': the first names or numbers in words, at most `most` of them."""
+    return ", ".join(map(str, names[:most])) + (f" and {len(names) - most} {more}" if len(names) > most else "")
 
-    DatasetError: there is no such folder, or its name holds characters that do not print.
+
+def read_checked(path: str | Path, content: str, read: Callable[[Path, str, ValidationReport], T | None]) -> T:
+    """Result of `read(folder, name, report)` for the folder at `path`; its name is that which results carry.
+
+    DatasetError: there is no such folder, for `content`, or its name holds characters that do not print; else it lists
+    everything that is wrong in it.
     """
-    folder = Path(path)
+    folder, report, result = Path(path), ValidationReport(), None
     try:
         name, is_folder, there = folder.resolve().name, folder.is_dir(), folder.exists()
     except (OSError, ValueError, RuntimeError) as error:  # a loop of links, an impossible file name
@@ -127,13 +131,6 @@ def checked_folder(path: str | Path, content: str) -> tuple[Path, str]:
         # results carry the name: JSON and HTML hold only valid text, and a terminal obeys control characters
         what = f"the folder's name {name!a} holds characters that do not print"
         raise DatasetError(ascii(name)[1:-1], [Problem(ascii(str(path)), "", what, "rename the folder")])
-    return folder, name
-
-
-def read_checked(path: str | Path, content: str, read: Callable[[Path, str, ValidationReport], T | None]) -> T:
-    """Result of `read(folder, name, report)` for a folder with `content`; DatasetError lists everything wrong in it."""
-    folder, name = checked_folder(path, content)
-    report, result = ValidationReport(), None
     try:
         result = read(folder, name, report)
     except OSError as error:
@@ -190,8 +187,7 @@ def _check_copies(table: UsableRows, columns: list[str]) -> None:
             pairs.append((original, number))
     if not pairs:
         return
-    shown = ", ".join(f"{a} and {b}" for a, b in pairs[:SHOWN])
-    shown += f" and {len(pairs) - SHOWN} more pairs" if len(pairs) > SHOWN else ""
+    shown = first_of([f"{a} and {b}" for a, b in pairs], more="more pairs")
     remedy = "keep one of each: copies would be in the training and in the held-out part, and count twice"
     table.error("column trial", f"trials {shown} hold the same measurements to the last digit", remedy)
 
@@ -240,11 +236,10 @@ def _check_optional(table: UsableRows) -> None:
         table.error(f"column {lacking[0]}", f"is missing although {there[0]} is there", remedy)
     lacking = [name for name in COVARIANCE_COLUMNS if name not in data]
     if 0 < len(lacking) < len(COVARIANCE_COLUMNS):
-        more = f" and {len(lacking) - 1} more" if len(lacking) > 1 else ""
         present = len(COVARIANCE_COLUMNS) - len(lacking)
         what = f"only {present} of the {len(COVARIANCE_COLUMNS)} covariance columns are there"
         remedy = "give the whole lower triangle cov_<a>_<b>, or none of it"
-        table.error(f"column {lacking[0]}{more}", what, remedy)
+        table.error(f"column {first_of(lacking, 1)}", what, remedy)
     for name in (f"cov_{state}_{state}" for state in STATE):
         if name in data:
             negative = data[name].to_numpy(float) < 0.0

@@ -17,7 +17,6 @@ from thesis_lib.datasets.checks.known_body import contradictions
 from thesis_lib.datasets.checks.lasting_contacts import LastingContacts, lasting_contacts
 from thesis_lib.datasets.flights.arcs import ArcFits, fit_arcs
 from thesis_lib.datasets.flights.drag import air_in, air_sentence, breaks_lines, window_in
-from thesis_lib.datasets.flights.lines import norm
 from thesis_lib.datasets.flights.low_pass import low_pass_of
 from thesis_lib.datasets.flights.noise import (
     SIGMA_FLOOR,
@@ -151,7 +150,8 @@ def find_in_arrays(
         low_pass = low_pass_of(fits, samples, known, header.gravity, guard, sampling_interval(samples), lasting)
         if low_pass is not None and low_pass.moves_parabolas:
             # the filter lowered all free fall alike
-            everything = everything.raised(0.5 * header.gravity * low_pass.second_moment)
+            lowered = 0.5 * header.gravity * low_pass.second_moment
+            everything = replace(everything, q=everything.q + [0.0, lowered, 0.0])
             samples, at, fits, noise, glitch, sigma = search(settings, least)
     noise = with_colour(noise, fits, samples, at, settings.guard, smoothed=rounded > 0.0, on_table=on_table)
     if (doubted := overstated(noise, fits, samples, at, settings.guard)).any():
@@ -283,7 +283,7 @@ def _displaces(stray: np.ndarray, fits: ArcFits, samples: Samples) -> bool:
         return False
     interval = sampling_interval(samples)
     lasting = interval * float(np.median(fits.n_side))
-    speed = float(np.median(norm((fits.v_post - fits.v_pre)[:, :2])))
+    speed = float(np.median(np.linalg.norm((fits.v_post - fits.v_pre)[:, :2], axis=1)))
     return float(np.hypot(*stray[:2])) * lasting**2 / 12.0 > _DISPLACED * interval * speed
 
 
@@ -334,7 +334,7 @@ def _reported_glitches(samples: Samples, glitch: np.ndarray) -> pd.DataFrame:
 
 def _impossible(given: Impacts) -> np.ndarray:
     """Mask (n,) of impacts whose energy gain no noise, law or moving surface explains: they are not measurements."""
-    before, after = (norm(v * [1.0, 1.0, given.k_g]) for v in (given.v_pre, given.v_post))
+    before, after = (np.linalg.norm(v * [1.0, 1.0, given.k_g], axis=1) for v in (given.v_pre, given.v_post))
     typical = float(np.median(before)) if len(before) else 0.0
     return after > _FASTEST * np.maximum(before, typical)
 

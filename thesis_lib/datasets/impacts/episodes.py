@@ -15,7 +15,7 @@ import numpy as np
 import pandas as pd
 
 from thesis_lib.datasets.flights.arcs import bends
-from thesis_lib.datasets.flights.lines import bow, lines_through
+from thesis_lib.datasets.flights.lines import bow, lines_through, ranked
 from thesis_lib.datasets.flights.misfits import with_stray
 from thesis_lib.datasets.flights.noise import NoiseEstimate
 from thesis_lib.datasets.format.header import Header
@@ -141,21 +141,16 @@ def _flight(
     q = paths[index]
     q[..., 1] += 0.5 * gravity * t * t
     used = inside * 1.0
-    used *= _ranked(used, way) <= settings.max_window + MOST_SKIPPED
+    used *= ranked(used, way) <= settings.max_window + MOST_SKIPPED
     for _ in range(MOST_SKIPPED):
         used *= 1.0 - end_off_line(used, t, q, sigma, way)
-    return _Side(t, q, used * (_ranked(used, way) <= settings.max_window))
-
-
-def _ranked(used: np.ndarray, way: int) -> np.ndarray:
-    """Order (m, W) of the samples used, 1 for that beside the episode."""
-    return np.cumsum(used[:, ::way], axis=1)[:, ::way]
+    return _Side(t, q, used * (ranked(used, way) <= settings.max_window))
 
 
 def end_off_line(used: np.ndarray, t: np.ndarray, q: np.ndarray, sigma: np.ndarray, way: int) -> np.ndarray:
     """1 (m, W) for the first sample used, the last if `way` is −1, where it is off the line through those beyond the
     next one."""
-    order = _ranked(used, way)
+    order = ranked(used, way)
     beside, others = used * (order == 1), used * (order > 2)
     line = lines_through(others[:, None], t, q)
     spread = np.where(line.spread > 0, line.spread, np.inf)
@@ -179,7 +174,7 @@ def _straight(side: _Side, way: int, sigma: np.ndarray, stray: np.ndarray, setti
     for _ in range(_CUTS):
         count, _, bent = _line(side, sigma, stray, settings.arc_deviation)
         most = np.where(bent, np.maximum(count // 2 + 1, MIN_FLIGHT), np.inf)
-        side = replace(side, used=side.used * (_ranked(side.used, way) <= most[:, None]))
+        side = replace(side, used=side.used * (ranked(side.used, way) <= most[:, None]))
     return side
 
 
@@ -205,6 +200,6 @@ def _is_clear(used: np.ndarray, way: int, gap: np.ndarray, sigma: np.ndarray, le
     A weak hit between few samples bends their path by too little to show, but the body must come down for it.  `level`
     in m is the gap at which bodies hit; that of a wrong surface or size is not 0.
     """
-    order = _ranked(used, way)
+    order = ranked(used, way)
     inner = (used > 0) & (order > 1) & (order < used.sum(1)[:, None])
     return (~inner | (gap - level > _CLEAR * sigma)).all(1)

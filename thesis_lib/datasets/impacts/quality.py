@@ -34,7 +34,6 @@ import numpy as np
 
 from thesis_lib.bodies.shapes import Polygon
 from thesis_lib.datasets.flights.arcs import ArcFits, is_bent
-from thesis_lib.datasets.flights.lines import norm
 from thesis_lib.datasets.flights.rounding import approach, touch_time
 from thesis_lib.datasets.format.header import Header
 from thesis_lib.datasets.format.impacts import Impacts
@@ -128,7 +127,7 @@ def assess_arcs(
 
     worst, beyond = np.nan_to_num(fits.reduced).max(1), np.nan_to_num(fits.chi2_rest).max(1)
     k_g = header.body.radius_of_gyration
-    dv = norm((fits.v_post - fits.v_pre) * [1.0, 1.0, k_g])
+    dv = np.linalg.norm((fits.v_post - fits.v_pre) * [1.0, 1.0, k_g], axis=1)
     allowed = settings.meet_time * dv
     # A second hit inside the first samples spoils only those; an arc that is bad beyond them is not a flight.
     stray = (fits.chi2_near > settings.meet_sigma**2) & (fits.near > allowed)

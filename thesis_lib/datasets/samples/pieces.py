@@ -15,6 +15,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from thesis_lib.datasets.format.samples import Samples
+from thesis_lib.datasets.format.validate import first_of
 
 HITS = 4  # usable hits of a piece, at least
 ENOUGH = 20  # trials that need no cutting
@@ -50,11 +51,10 @@ class Pieces:
             return ""
         whole, first, count = np.unique(self.trial, return_index=True, return_counts=True)
         long = np.flatnonzero(count > 1)
-        named = [f"trial {whole[i]} into the pieces {first[i]} to {first[i] + count[i] - 1}" for i in long[:NAMED]]
-        more = f" and {len(long) - NAMED} more" if len(long) > NAMED else ""
+        named = [f"trial {whole[i]} into the pieces {first[i]} to {first[i] + count[i] - 1}" for i in long]
         return (
             f"Long recordings were cut between hits into pieces of {HITS} usable hits or more. They stand for trials "
-            f"from here on, and all are numbered anew: {', '.join(named)}{more}."
+            f"from here on, and all are numbered anew: {first_of(named, NAMED)}."
         )
 
 

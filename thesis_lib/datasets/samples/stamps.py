@@ -44,9 +44,8 @@ SURELY = 4.0  # standard errors by which the period must be off the stated one t
 
 @dataclass(frozen=True)
 class CameraClock:
-    """Pictures of a clock behind the rows: numbers, lateness of each row in s, whether its number is sure, period."""
+    """Pictures of a clock behind the rows: lateness of each row in s, whether its number is sure, and period in s."""
 
-    picture: np.ndarray
     late: np.ndarray
     sure: np.ndarray
     period: float
@@ -117,7 +116,7 @@ def _clock_behind(samples: Samples, rate: float | None) -> CameraClock | None:
     if np.isfinite(found) and (not rate or abs(found - period) > SURELY * std):
         period = found
     late = samples.t - period * picture
-    return CameraClock(picture, late - np.minimum.reduceat(late, first)[number], sure, period)
+    return CameraClock(late - np.minimum.reduceat(late, first)[number], sure, period)
 
 
 def _period_of_pictures(t: np.ndarray, picture: np.ndarray, number: np.ndarray, n: np.ndarray) -> tuple[float, float]:

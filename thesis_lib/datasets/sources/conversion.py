@@ -15,6 +15,7 @@ from pydantic import ValidationError
 from thesis_lib.datasets.format.dataset import TRAJECTORY_COLUMNS, Dataset, median_step, unwrap
 from thesis_lib.datasets.format.header import Header, SpaceHeader
 from thesis_lib.datasets.format.header_file import Model
+from thesis_lib.datasets.format.validate import first_of
 from thesis_lib.datasets.sources.recorded import Recorded, long_period
 from thesis_lib.datasets.sources.tables.rig_options import RigOptions, needs_no_angle
 from thesis_lib.datasets.space.drops import Cuts
@@ -109,8 +110,7 @@ def solid_dataset(recorded: Recorded, up: np.ndarray, found: "TrackedFrame | Non
 
 
 def _description(files: Sequence[str | Path]) -> str:
-    others = f" and {len(files) - 1} more" if len(files) > 1 else ""
-    return f"converted from {Path(files[0]).name}{others}"
+    return f"converted from {first_of([Path(file).name for file in files], 1)}"
 
 
 def _validated(model: type[Model], content: dict) -> Model:

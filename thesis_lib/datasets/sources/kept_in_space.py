@@ -36,7 +36,7 @@ def keep_in_space(recorded: Recorded) -> Conversion:
     """
     everything, turned = recorded, np.flatnonzero(recorded.motion.seen)
     recorded = replace(recorded, motion=recorded.motion.part(turned), piece=recorded.piece[turned])
-    motion, rig, view, notes, size = recorded.motion, recorded.rig, recorded.view, recorded.notes, recorded.gravity
+    motion, rig, view, notes, size = recorded.motion, recorded.rig, recorded.view, recorded.notes, recorded.rig.g
     dataset, up = solid_dataset(recorded, view.up), view.up
     body, attitude = dataset.in_space.body, motion.quaternion[:, [3, 0, 1, 2]].T
     if motion.oriented and (other := reading_that_falls(motion, size)):
@@ -118,7 +118,7 @@ def _tracked_frame(recorded: Recorded, body: SolidBody) -> "TrackedFrame | None"
     motion, notes = recorded.motion, recorded.notes
     try:
         q = motion.quaternion[:, [3, 0, 1, 2]] if motion.oriented else None
-        found = find_tracked_frame(recorded.piece, motion.t, motion.position, q, body, recorded.gravity)
+        found = find_tracked_frame(recorded.piece, motion.t, motion.position, q, body, recorded.rig.g)
     except UserError as error:
         notes.append(f"the tracked frame is taken to be that of the shape, as it could not be found: {error}")
         return None

@@ -17,7 +17,7 @@ from thesis_lib.datasets.sources.recorded import PART, Recorded, View, long_peri
 from thesis_lib.datasets.sources.rig_log import FLAT, convert_logs, read_planar_motions
 from thesis_lib.datasets.sources.tables.log_table import read_log
 from thesis_lib.datasets.sources.tables.options import Reading, parse_direction, parse_numbers
-from thesis_lib.datasets.sources.tables.quaternions import ORDERS, read_quaternion_tables
+from thesis_lib.datasets.sources.tables.pose import ORDERS, read_quaternion_tables
 from thesis_lib.datasets.sources.tables.rig_options import RigOptions, needs_no_angle
 from thesis_lib.datasets.space.motion import Motion, handed, join
 from thesis_lib.foundation.errors import UserError

@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 
+from thesis_lib.datasets.format.validate import first_of
 from thesis_lib.datasets.sources.conversion import Conversion, as_dataset
 from thesis_lib.datasets.sources.recorded import MOST_OUT, Recorded
 from thesis_lib.datasets.sources.tables.rig_options import GRAVITY, RigOptions
@@ -24,7 +25,7 @@ def project(recorded: Recorded) -> Conversion:
         UserError: no free flight or no plane is found, rotations fit far better if they are read otherwise, or no drop
             is left.
     """
-    motion, rig, view, notes, size = recorded.motion, recorded.rig, recorded.view, recorded.notes, recorded.gravity
+    motion, rig, view, notes, size = recorded.motion, recorded.rig, recorded.view, recorded.notes, recorded.rig.g
     given = None if view.normal is None else Plane.of(view.normal, view.up)
     falls = -size * (view.up if given is None else np.cos(given.tilt) * given.y)
     track = follow(motion.t, motion.position, size)
@@ -87,9 +88,8 @@ def _drops_text(drops: Sequence[Drop], impacts: pd.DataFrame, cut: bool) -> list
     worst = impacts[["energy_out_before", "energy_out_after"]].max(axis=1).groupby(impacts["trial"]).max()
     for reason in dict.fromkeys(drop.left_out for drop in drops if drop.left_out):
         trials = [drop.trial for drop in drops if drop.left_out == reason]
-        shown = [f"{n} ({worst[n]:.0%} of its energy)" if reason == SPATIAL else str(n) for n in trials[:20]]
-        more = f" and {len(trials) - 20} more" if len(trials) > 20 else ""
-        texts.append(f"{len(trials)} of {len(drops)} trials left out, {reason}: {', '.join(shown)}{more}")
+        shown = [f"{n} ({worst[n]:.0%} of its energy)" if reason == SPATIAL else str(n) for n in trials]
+        texts.append(f"{len(trials)} of {len(drops)} trials left out, {reason}: {first_of(shown, 20)}")
     shares = worst[[drop.trial for drop in used if drop.trial in worst.index]]
     if len(shares):
         texts.append(

@@ -29,6 +29,7 @@ import pandas as pd
 from thesis_lib.datasets.format.dataset import Dataset
 from thesis_lib.datasets.format.header import Header
 from thesis_lib.datasets.format.impacts import STATE
+from thesis_lib.datasets.format.validate import first_of
 from thesis_lib.datasets.format.write import write_dataset
 from thesis_lib.datasets.sources import published_tosses
 from thesis_lib.foundation.errors import UserError
@@ -155,9 +156,8 @@ def convert_files(name: str, files: dict[str, Path], out_dir: str | Path, note: 
         lacking = optional
     for bad, what in ((lacking, "missing"), (wrong, "not the published ones (SHA-256 differs)")):
         if bad:
-            more = f" and {len(bad) - 4} more" if len(bad) > 4 else ""
             raise UserError(
-                f"Files of {name} are {what}: {', '.join(bad[:4])}{more}. Nothing was written. "
+                f"Files of {name} are {what}: {first_of(bad)}. Nothing was written. "
                 f"Get them again: python -m thesis_lib datasets fetch {name.replace('_', '-')}"
             )
     if optional:

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from thesis_lib.datasets.sources.tables.rig_options import GRAVITY, RigOptions
+from thesis_lib.datasets.sources.tables.rig_options import RigOptions
 from thesis_lib.datasets.space.drops import SPATIAL, Drop
 from thesis_lib.datasets.space.flights import too_slow
 from thesis_lib.datasets.space.motion import Motion
@@ -51,14 +51,9 @@ class Recorded:
     view: View
     notes: list[str]
 
-    @property
-    def gravity(self) -> float:
-        """Size of gravity in m/s², as given or usual."""
-        return GRAVITY if self.rig.gravity is None else self.rig.gravity
-
     def no_flight(self) -> str:
         """Advice where nothing falls as it should."""
-        motion, gravity = self.motion, self.gravity
+        motion, gravity = self.motion, self.rig.g
         if slow := too_slow(1.0 / long_period(motion.t, self.piece)):
             return (
                 f"no free flight is found along the axis that is up. {slow} Record at 100 Hz or more.{self._smoothed()}"
@@ -87,12 +82,12 @@ class Recorded:
                 rise = a @ self.view.up
                 across = np.linalg.norm(a - rise[:, None] * self.view.up, axis=1)
                 most.append(max(-rise.min(), across.max()))  # across, too, where another axis is up
-        fastest = float(np.median(most)) if most else self.gravity
-        if fastest > SMOOTHED * self.gravity:
+        fastest = float(np.median(most)) if most else self.rig.g
+        if fastest > SMOOTHED * self.rig.g:
             return ""
         return (
             f" Over {FRAMES} frames the body falls with {fastest:.1f} m/s² at most (median of {len(most)} recordings), "
-            f"and not with {self.gravity:g}: the positions were smoothed, or it was not let go."
+            f"and not with {self.rig.g:g}: the positions were smoothed, or it was not let go."
         )
 
     def no_drop(self, drops: Sequence[Drop], height: np.ndarray) -> str:

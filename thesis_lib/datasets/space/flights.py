@@ -37,7 +37,6 @@ class Track:
     a: np.ndarray
     smooth: np.ndarray  # (n,) whether the parabola fits
     half: int  # samples on either side of a window's middle
-    noise: float  # m, one sigma of a coordinate
 
 
 def too_slow(rate: float | None) -> str:
@@ -63,7 +62,7 @@ def follow(t: np.ndarray, position: np.ndarray, gravity: float, noise: float = N
         half += 1
     v, a, rest = parabolas(t, position, half, step)
     with np.errstate(invalid="ignore"):
-        return Track(t, v, a, rest < PARABOLA * noise, half, noise)
+        return Track(t, v, a, rest < PARABOLA * noise, half)
 
 
 def _step(t: np.ndarray) -> float:

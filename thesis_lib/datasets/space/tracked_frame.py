@@ -54,7 +54,7 @@ class TrackedFrame:
         point, normal: (3,) of the table, in m and 1, axes of the recording.
         gravity: (3,) in m/s², of the size believed.
         gravity_angle: one sigma of its direction, rad.
-        centre: (3,) in m of the centre of mass in T, `path` (n, 3) where it is.
+        path: (n, 3) in m of the centre of mass.
     """
 
     tracked: Tracked
@@ -62,7 +62,6 @@ class TrackedFrame:
     normal: np.ndarray
     gravity: np.ndarray
     gravity_angle: float
-    centre: np.ndarray
     path: np.ndarray
     hits: int
     rests: int
@@ -267,6 +266,4 @@ class _Fit:
             falls.gravity
         )
         hits, rests = (int((self.used & which).sum()) for which in (~self.met.rests, self.met.rests))
-        return TrackedFrame(
-            tracked, point, n, gravity * g, float(angle), falls.centre, falls.path, hits, rests, tuple(told)
-        )
+        return TrackedFrame(tracked, point, n, gravity * g, float(angle), falls.path, hits, rests, tuple(told))

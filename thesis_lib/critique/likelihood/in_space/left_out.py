@@ -7,7 +7,7 @@ import numpy as np
 from scipy.stats import chi2
 
 from thesis_lib.datasets.flights.beside_hits import turns_off
-from thesis_lib.datasets.flights.lines import SideLines, lines_through, norm
+from thesis_lib.datasets.flights.lines import SideLines, lines_through
 from thesis_lib.mechanics.space import SPACE, rotation_matrix
 from thesis_lib.statistics.spread import MEDIAN, robust_std
 
@@ -47,7 +47,7 @@ def off_free_motion(
     side = used * 1.0
     places = lines_through(side, tau, pose[:, :, :3] + fall * (tau**2)[..., None])
     miss, dv = (part[:, 1] - part[:, 0] for part in (places.value, places.slope))
-    along = dv / np.maximum(norm(dv), 1e-9)[:, None]
+    along = dv / np.maximum(np.linalg.norm(dv, axis=-1), 1e-9)[:, None]
     place = np.sqrt(fitted.cov[:, :, [0, 2, 4], [0, 2, 4]].sum(axis=1).mean(axis=1))
 
     def in_sigmas(residual: np.ndarray, miss: np.ndarray) -> np.ndarray:

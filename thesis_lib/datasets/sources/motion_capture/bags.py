@@ -19,6 +19,7 @@ from pathlib import Path
 
 import numpy as np
 
+from thesis_lib.datasets.format.validate import first_of
 from thesis_lib.datasets.sources.motion_capture.pose_messages import DEFINITIONS, KINDS, TRANSFORMS, Pose
 from thesis_lib.datasets.sources.tables.several_bodies import choose_body
 from thesis_lib.datasets.space.motion import Motion, unit
@@ -73,11 +74,10 @@ def read_bag(path: Path, body: str | None, warnings: list[str]) -> Motion:
             raise UserError(f"{storage} does not exist; give a bag.") from error
         with _named(storage):
             with storage.open("rb") as file:
-                if file.read(16)[: len(MAGIC[storage.suffix.lower()])] != MAGIC[storage.suffix.lower()]:
+                if not file.read(16).startswith(MAGIC[storage.suffix.lower()]):
                     raise ValueError("it does not begin as such a file does")
             _collect(storage, bodies, topics)
-    listed = [f"{topic[:60]} ({kind})" for topic, kind in topics.items()]
-    others = f"{', '.join(listed[:20])}{f' and {len(listed) - 20} more' if len(listed) > 20 else ''}" or "nothing"
+    others = first_of([f"{topic[:60]} ({kind})" for topic, kind in topics.items()], 20) or "nothing"
     if not bodies:
         kinds = ", ".join(dict.fromkeys(kind.split("/")[-1] for kind in KINDS))
         raise UserError(f"{path} has no messages of poses ({kinds}). Its topics are: {others}.")
@@ -125,22 +125,22 @@ def _types(old: bool):
 
 def _collect(path: Path, bodies: dict[str, _Body], topics: dict[str, str]) -> None:
     """Add the poses of one file to `bodies`, and all it has to `topics`: name -> type and number of messages."""
-    if path.suffix.lower() == ".bag":
+    old = path.suffix.lower() == ".bag"
+    store = _types(old)
+    if old:
         from rosbags.rosbag1 import Reader
 
-        store = _types(old=True)
         reader, unpack = Reader(path), store.deserialize_ros1
     else:
         from rosbags.rosbag2.storage_mcap import McapReader
         from rosbags.rosbag2.storage_sqlite3 import Sqlite3Reader
 
-        store = _types(old=False)
         mcap = path.suffix.lower() == ".mcap"
         (_check_chunks if mcap else _check_database)(path)
         reader, unpack = (McapReader if mcap else Sqlite3Reader)(path), store.deserialize_cdr
     reader.open()
     try:
-        if path.suffix.lower() == ".bag":
+        if old:
             _bound_chunks(reader)
         kinds = {one.id: TRANSFORMS if one.msgtype == OLD_TRANSFORMS else one.msgtype for one in reader.connections}
         wanted = [one for one in reader.connections if kinds[one.id] in KINDS]
@@ -148,7 +148,6 @@ def _collect(path: Path, bodies: dict[str, _Body], topics: dict[str, str]) -> No
         for one in wanted:
             kind = kinds[one.id]
             # ROS 1 states the MD5 sum of a definition, ROS 2 the definition
-            old = path.suffix.lower() == ".bag"
             if not (one.digest == store.generate_msgdef(kind)[1] if old else _same_fields(one, kind, store)):
                 raise UserError(
                     f"{path}: {one.topic} has messages {one.msgtype} that are not the standard ones of this name."

@@ -56,7 +56,6 @@ def read_c3d(path: Path, body: str | None, notes: list[str]) -> Motion:
         return _rotated(path, chosen, turns[:, :, names.index(chosen)], scale, rate)
     chosen, wanted = choose_markers(path, names := _named(labels, points.shape[1]), body)
     markers = scale * points[:, [names.index(name) for name in wanted]].transpose(2, 1, 0)
-    markers[~np.any(markers != 0.0, axis=2)] = np.nan
     return motion_of_markers(path, chosen, wanted, markers, np.arange(len(markers)) / rate, notes)
 
 

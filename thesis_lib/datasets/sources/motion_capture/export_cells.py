@@ -3,6 +3,7 @@
 import csv
 import io
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -70,14 +71,6 @@ def columns_of(path: Path, rows: Sequence[Row], wanted: Sequence[int]) -> np.nda
     return result
 
 
-def lost_zeros(cells: np.ndarray, notes: list[str]) -> None:
-    """Rows (n, m) of nothing but zeros become NaN, as systems write them that have lost a body; adds to `notes`."""
-    zeros = ~np.any(np.nan_to_num(cells) != 0.0, axis=1) & np.isfinite(cells).all(axis=1)
-    if zeros.any():
-        notes.append(f"{int(zeros.sum())} frames of zeros taken for lost ones")
-        cells[zeros] = np.nan
-
-
 def length_unit(path: Path, text: str, where: str) -> float:
     """Factor from a unit of length, as exports name it, to m; UserError for an unknown one."""
     if text.lower() not in LENGTHS:
@@ -96,54 +89,51 @@ def rate_in_hertz(text: str, mistake: str) -> float:
     return value
 
 
-def motion_in_markers(
-    path: Path,
-    data: Sequence[Row],
-    t: np.ndarray,
-    places: Mapping[str, Mapping[str, int]],
-    body: str | None,
-    scale: float,
-    notes: list[str],
-) -> Motion:
-    """The motion of a body of which an export has only the markers; `places`: name -> axis -> column.
+@dataclass(frozen=True, eq=False)
+class Frames:
+    """The frames of an export: rows of cells at times `t` (n,) in s, lengths in units of `scale` m; `notes` grow."""
 
-    Markers that are lost have empty cells, or zeros.
-    """
-    chosen, names = choose_markers(path, [name for name, at in places.items() if set(at) >= set("xyz")], body)
-    wanted = [places[name][axis] for name in names for axis in "xyz"]
-    markers = columns_of(path, data, wanted).reshape(len(data), -1, 3)
-    markers[~np.any(markers != 0.0, axis=2)] = np.nan
-    return motion_of_markers(path, chosen, names, scale * markers, t, notes)
+    path: Path
+    rows: Sequence[Row]
+    t: np.ndarray
+    scale: float
+    notes: list[str]
 
+    def motion_in_markers(self, places: Mapping[str, Mapping[str, int]], body: str | None) -> Motion:
+        """The motion of a body of which an export has only the markers; `places`: name -> axis -> column."""
+        chosen, names = choose_markers(self.path, [name for name, at in places.items() if set(at) >= set("xyz")], body)
+        cells = columns_of(self.path, self.rows, [places[name][axis] for name in names for axis in "xyz"])
+        markers = self.scale * cells.reshape(len(cells), -1, 3)
+        return motion_of_markers(self.path, chosen, names, markers, self.t, self.notes)
 
-def motion_of_body(
-    path: Path,
-    data: Sequence[Row],
-    t: np.ndarray,
-    place: Mapping[str, int],
-    turn: Mapping[str, int],
-    body: str,
-    scale: float,
-    sequence: str,
-    notes: list[str],
-    degrees: bool = True,
-) -> Motion:
-    """The motion of a body by the columns of its place along x, y, z, and of its turn: angles, or with w a quaternion.
+    def seen(self, place: Mapping[str, int], turn: Sequence[int]) -> tuple[np.ndarray, np.ndarray]:
+        """Positions (n, 3) in m by the columns of x, y, z, and the cells (n, k) of the columns `turn`.
 
-    Angles are those of a `sequence`; in others they are readings of the motion.  `scale` is the factor to m.
-    """
-    axes = [axis for axis in "xyzw" if axis in turn]
-    cells = columns_of(path, data, [*(place[axis] for axis in "xyz"), *(turn[axis] for axis in axes)])
-    lost_zeros(cells, notes)
-    position, angles = scale * cells[:, :3], cells[:, 3:]
-    if "w" in turn:
-        return Motion(body, str(path), t, position, unit(angles, f"{path}, body {body}"))
+        Frames of nothing but zeros are NaN, as systems write them that have lost a body; the notes say so.
+        """
+        cells = columns_of(self.path, self.rows, [*(place[axis] for axis in "xyz"), *turn])
+        zeros = ~np.any(np.nan_to_num(cells) != 0.0, axis=1) & np.isfinite(cells).all(axis=1)
+        if zeros.any():
+            self.notes.append(f"{int(zeros.sum())} frames of zeros taken for lost ones")
+            cells[zeros] = np.nan
+        return self.scale * cells[:, :3], cells[:, 3:]
 
-    def read(letters: str) -> np.ndarray:
-        # three columns stand for the axes x, y, z; a sequence takes them in its own order
-        chosen = angles if letters == "helical" else angles[:, ["xyz".index(letter) for letter in letters.lower()]]
-        return from_angles(letters, chosen, degrees)
+    def motion_of_body(
+        self, body: str, place: Mapping[str, int], turn: Mapping[str, int], sequence: str, degrees: bool = True
+    ) -> Motion:
+        """The motion of a body by the columns of its place x, y, z and of its turn: angles, or with w a quaternion.
 
-    others = [name for name in (sequence.swapcase(), "XYZ", "ZYX", "helical") if name != sequence and name in SEQUENCES]
-    readings = {f"--rotation {name}": lambda name=name: read(name) for name in dict.fromkeys(others)}
-    return Motion(body, str(path), t, position, read(sequence), None, readings)
+        Angles are those of a `sequence`; in others they are readings of the motion.
+        """
+        position, angles = self.seen(place, [turn[axis] for axis in "xyzw" if axis in turn])
+        if "w" in turn:
+            return Motion(body, str(self.path), self.t, position, unit(angles, f"{self.path}, body {body}"))
+
+        def read(letters: str) -> np.ndarray:
+            # three columns stand for the axes x, y, z; a sequence takes them in its own order
+            own = angles if letters == "helical" else angles[:, ["xyz".index(letter) for letter in letters.lower()]]
+            return from_angles(letters, own, degrees)
+
+        others = [name for name in (sequence.swapcase(), "XYZ", "ZYX", "helical") if name in SEQUENCES]
+        readings = {f"--rotation {name}": lambda name=name: read(name) for name in others if name != sequence}
+        return Motion(body, str(self.path), self.t, position, read(sequence), None, readings)

@@ -19,11 +19,10 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from thesis_lib.datasets.sources.motion_capture.export_cells import (
+    Frames,
     Row,
     columns_of,
     length_unit,
-    motion_in_markers,
-    motion_of_body,
     rate_in_hertz,
     read_rows,
 )
@@ -70,6 +69,7 @@ def read_motive(path: Path, body: str | None, rotation: str | None, notes: list[
         mistake = "'export frame rate' is missing or no rate in Hz; export it again with header information."
         t = t / rate_in_hertz(facts.get("export frame rate", ""), f"{path}, row 1: {mistake}")
     scale = length_unit(path, facts.get("length units", "meters"), "row 1, Length Units")
+    frames = Frames(path, data, t, scale, notes)
     if groups["body"]:
         chosen = choose_body(path, list(groups["body"]), body)
         place, turn = (
@@ -78,10 +78,9 @@ def read_motive(path: Path, body: str | None, rotation: str | None, notes: list[
         )
         if set(place) != set("xyz") or not set("xyz") <= set(turn):
             raise UserError(f"{path}: body {chosen} lacks columns of its Rotation or Position; export both.")
-        sequence = rotation or _sequence(path, facts)
-        return motion_of_body(path, data, t, place, turn, chosen, scale, sequence, notes)
+        return frames.motion_of_body(chosen, place, turn, rotation or _sequence(path, facts))
     places = {name: {axis: column for (_, axis), column in of.items()} for name, of in groups["marker"].items()}
-    return motion_in_markers(path, data, t, places, body, scale, notes)
+    return frames.motion_in_markers(places, body)
 
 
 def _facts(path: Path, rows: list[Row]) -> dict[str, str]:

@@ -17,15 +17,7 @@ from pathlib import Path
 
 import numpy as np
 
-from thesis_lib.datasets.sources.motion_capture.export_cells import (
-    Row,
-    columns_of,
-    lost_zeros,
-    motion_in_markers,
-    motion_of_body,
-    rate_in_hertz,
-    read_rows,
-)
+from thesis_lib.datasets.sources.motion_capture.export_cells import Frames, Row, columns_of, rate_in_hertz, read_rows
 from thesis_lib.datasets.sources.tables.several_bodies import choose_body
 from thesis_lib.datasets.space.motion import Motion, quaternions
 from thesis_lib.foundation.errors import UserError
@@ -66,10 +58,10 @@ def read_qualisys(path: Path, body: str | None, rotation: str | None, notes: lis
             f"{path}, row {data[0][0]}: {len(names)} names, but no X, Y, Z of each among {len(tokens)} columns; "
             "export it again with the line of column names."
         )
-    t = _times(path, data, tokens, facts)
+    frames = Frames(path, data, _times(path, data, tokens, facts), MM, notes)
     places = dict(zip(names, columns))
     if kind == "3d":
-        return motion_in_markers(path, data, t, places, body, MM, notes)
+        return frames.motion_in_markers(places, body)
     chosen = choose_body(path, names, body)
     at = places[chosen]
     turn = [name for name in MATRIX if name in at] or ["roll", "pitch", "yaw"]
@@ -77,10 +69,9 @@ def read_qualisys(path: Path, body: str | None, rotation: str | None, notes: lis
         raise UserError(f"{path}: body {chosen} lacks columns Rot[0] to Rot[8]; export them.")
     if len(turn) == 3:
         angles = dict(zip("xyz", (at[name] for name in turn)))
-        return motion_of_body(path, data, t, at, angles, chosen, MM, rotation or "XYZ", notes)
-    cells = columns_of(path, data, [at[name] for name in ("x", "y", "z", *turn)])
-    lost_zeros(cells, notes)
-    return Motion(chosen, str(path), t, MM * cells[:, :3], _from_columns(path, chosen, cells[:, 3:]))
+        return frames.motion_of_body(chosen, at, angles, rotation or "XYZ")
+    position, cells = frames.seen(at, [at[name] for name in turn])
+    return Motion(chosen, str(path), frames.t, position, _from_columns(path, chosen, cells))
 
 
 def _is_data(cells: list[str]) -> bool:

@@ -17,7 +17,7 @@ import pandas as pd
 from thesis_lib.datasets.sources.motion_capture.own_process import arrays_of
 from thesis_lib.datasets.sources.tables.log_table import MAX_COLUMNS, Log
 from thesis_lib.datasets.sources.tables.options import Reading
-from thesis_lib.datasets.sources.tables.quaternions import motion_of_table, source_of
+from thesis_lib.datasets.sources.tables.pose import motion_of_table, source_of
 from thesis_lib.datasets.space.motion import Motion
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.foundation.regular_file import MissingFile, regular_size

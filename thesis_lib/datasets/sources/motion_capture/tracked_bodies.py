@@ -44,10 +44,11 @@ def choose_markers(path: Path, names: Sequence[str], body: str | None) -> tuple[
 def motion_of_markers(
     path: Path, body: str, names: Sequence[str], markers: np.ndarray, t: np.ndarray, notes: list[str]
 ) -> Motion:
-    """The motion of a body from its markers (n, m, 3) in m, NaN where lost; one marker is a point.  Adds to `notes`.
+    """The motion of a body from its markers (n, m, 3) in m, NaN or zeros where lost; one marker is a point.
 
-    UserError if they do not make a body.
+    Adds to `notes`.  UserError if they do not make a body.
     """
+    markers = np.where(np.any(markers != 0.0, axis=2, keepdims=True), markers, np.nan)
     seen = np.isfinite(markers).all(axis=2).any(axis=0)
     if not seen.all():
         notes.append(f"markers that no frame shows left out: {', '.join(np.array(names)[~seen][:SHOWN])}")

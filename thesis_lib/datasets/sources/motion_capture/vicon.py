@@ -27,11 +27,10 @@ from pathlib import Path
 import numpy as np
 
 from thesis_lib.datasets.sources.motion_capture.export_cells import (
+    Frames,
     Row,
     columns_of,
     length_unit,
-    motion_in_markers,
-    motion_of_body,
     rate_in_hertz,
     read_rows,
 )
@@ -81,7 +80,7 @@ def read_vicon(path: Path, body: str | None, rotation: str | None, notes: list[s
         places = {name: {axis: n for (kind, axis), n in of.items() if not kind} for name, of in columns.items()}
         units = {found.units[n] for of in places.values() for axis, n in of.items() if axis in "xyz"}
         scale = length_unit(path, units.pop() if len(units) == 1 else "mm", "line of units")
-        return motion_in_markers(path, found.rows, t, places, body, scale, notes)
+        return Frames(path, found.rows, t, scale, notes).motion_in_markers(places, body)
     bodies = {
         name: of for name, of in columns.items() if {("r", a) for a in "xyz"} | {("t", a) for a in "xyz"} <= set(of)
     }
@@ -92,8 +91,8 @@ def read_vicon(path: Path, body: str | None, rotation: str | None, notes: list[s
     unit = found.units[turn["x"]].lower()
     if "w" not in turn and unit not in ANGLES:
         raise UserError(f"{path}, line of units: '{unit[:40]}' is not a unit of RX; expected deg or rad.")
-    scale, degrees = length_unit(path, found.units[place["x"]], "line of units"), ANGLES.get(unit, False)
-    return motion_of_body(path, found.rows, t, place, turn, chosen, scale, rotation or "XYZ", notes, degrees)
+    frames = Frames(path, found.rows, t, length_unit(path, found.units[place["x"]], "line of units"), notes)
+    return frames.motion_of_body(chosen, place, turn, rotation or "XYZ", ANGLES.get(unit, False))
 
 
 def _blocks(path: Path, rows: Sequence[Row]) -> list[_Block]:

@@ -13,10 +13,9 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from thesis_lib.datasets.format.validate import row_text
+from thesis_lib.datasets.format.validate import first_of, row_text
 from thesis_lib.datasets.sources.tables.layout import COMMENT, HEAD, LONGEST, NAMES, NO_NUMBER, find_layout, split
 from thesis_lib.datasets.sources.tables.options import Reading, unit_in, unit_of
-from thesis_lib.datasets.sources.tables.tracked_points import LIKELY, points_of, sureness
 from thesis_lib.foundation.errors import UserError, first_line, suggest
 from thesis_lib.foundation.regular_file import MissingFile, read_bytes
 
@@ -24,6 +23,8 @@ MAX_COLUMNS = 1000
 MAX_LOG = 200_000_000  # bytes; as cells of text a log takes some times that
 EXACT = 2**53  # floats confuse larger integers
 DIGITS = 30  # of an integer; nanoseconds since 1970 have 19
+SURE = ("likelihood", "score")  # columns of DeepLabCut and SLEAP beside the x and y of a point
+LIKELY = 0.6  # likelihood from which DeepLabCut itself takes a point as seen (pcutoff)
 _LINES = re.compile(r"\r\n|\n|\r")
 _BINARY = re.compile(r"[\x00-\x08\x0e-\x1a\x1c-\x1f]")
 
@@ -169,15 +170,29 @@ def read_log(path: Path, options: Reading, wanted: Collection[str], doubts: list
     return Log(path, cells, layout.decimal, units | below, strange, points_of(names), tuple(notes))
 
 
-def say_of_logs(logs: Sequence[Log], notes: list[str]) -> None:
-    """Add what the logs say, each sentence once, with the files of which it holds."""
+def sureness(point: str, columns: Collection[str]) -> str | None:
+    """The column that says how sure a point is, if there is one."""
+    return next((f"{point}.{word}" for word in SURE if f"{point}.{word}" in columns), None)
+
+
+def points_of(columns: Sequence[str]) -> tuple[str, ...]:
+    """The points among columns named POINT.x, POINT.y, POINT.likelihood."""
+    names = [name[:-2] for name in columns if name.endswith(".x")]
+    return tuple(name for name in names if f"{name}.y" in columns and sureness(name, columns) is not None)
+
+
+def read_logs(
+    files: Sequence[str | Path], options: Reading, wanted: Collection[str], notes: list[str], doubts: list[str]
+) -> list[Log]:
+    """Each log as by `read_log`; adds to `notes` what the logs say, each sentence once, with the files that say it."""
+    logs = [read_log(Path(file), options, wanted, doubts) for file in files]
     said: dict[str, list[str]] = {}
     for log in logs:
         for note in log.notes:
             said.setdefault(note, []).append(log.path.name)
-    for note, files in said.items():
-        more = f" and {len(files) - 1} more" if len(files) > 1 else ""
-        notes.append(f"{files[0]}{more}: {note}")
+    for note, names in said.items():
+        notes.append(f"{first_of(names, 1)}: {note}")
+    return logs
 
 
 def _decode(content: bytes) -> tuple[str, list[str]]:

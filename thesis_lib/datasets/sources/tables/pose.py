@@ -1,6 +1,19 @@
-"""Times and poses in the tables of a rig, in SI: from columns of its own, or from the points of a video tracker."""
+"""Times and poses in the tables of a rig, in SI: in the plane, of the points of a video tracker, and in space.
 
-from collections.abc import Sequence
+Points of a body that a video tracker follows (DeepLabCut, Lightning Pose, SLEAP) become its pose in the picture.
+A point z_j = u_j + i v_j of a rigid body is p + c_j exp(iθ), with c_j its place in the body, p and θ the pose:
+
+    θ = arg Σ_j (c_j − c̄)* (z_j − z̄),    p = z̄ − c̄ exp(iθ)
+
+over the points j that are seen (bars: their means; Horn 1987, doi:10.1364/JOSAA.4.000629, in the plane).  The c_j are
+means over the frames in which all are seen; their own mean is the origin, and the first two give the direction θ.
+
+In space the four columns of the quaternion are q1, q2, q3, q4 in the order that `--quaternion` names; without --columns
+they are expected as qx, qy, qz, qw, wherever they stand.  A ball has none.
+"""
+
+from collections.abc import Mapping, Sequence
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -8,13 +21,16 @@ import pandas as pd
 
 from thesis_lib.bodies.shapes import Disk
 from thesis_lib.datasets.format.dataset import TRAJECTORY_COLUMNS
-from thesis_lib.datasets.sources.tables.log_table import Log, read_log, say_of_logs
+from thesis_lib.datasets.sources.tables.log_table import LIKELY, Log, read_logs
 from thesis_lib.datasets.sources.tables.options import QUANTITY, SPATIAL, Reading
 from thesis_lib.datasets.sources.tables.rig_options import RigOptions, needs_no_angle
-from thesis_lib.datasets.sources.tables.tracked_points import LIKELY, pose_of_points
+from thesis_lib.datasets.sources.tables.several_bodies import one_body
+from thesis_lib.datasets.space.motion import Motion, Readings, mirrored, unit
 from thesis_lib.foundation.errors import UserError
 
 SINCE_1970 = {"ns": 1e17, "us": 1e14, "ms": 1e11}  # stamps above it are in that unit; now it is 1.8e9 s
+ORDERS = {"xyzw": [0, 1, 2, 3], "wxyz": [1, 2, 3, 0]}  # where x, y, z, w stand among the four columns
+AXES = ("x", "y", "z")
 STRAY = 0.1  # of a body's size, by which tracked points may stray from a rigid body
 
 
@@ -34,8 +50,7 @@ def read_poses(
     if spatial := [column for column in options.columns if column in SPATIAL]:
         raise UserError(f"--columns: {spatial[0]} belongs to a motion in space; say how it turns with --quaternion.")
     source = options.source(*TRAJECTORY_COLUMNS)
-    logs = [read_log(Path(file), options, [name for name, _ in source.values()], warnings) for file in files]
-    say_of_logs(logs, notes)
+    logs = read_logs(files, options, [name for name, _ in source.values()], notes, warnings)
     tracked = bool(logs[0].points) and not {"x", "y", "theta"} & set(options.columns)
     if options.body and not tracked:
         raise UserError(
@@ -132,6 +147,36 @@ def _tracked(
     return {"x": x, "y": -y, "theta": -theta}
 
 
+def pose_of_points(z: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
+    """Place p (n, 2) and angle θ (n,) of a body with points z (n, m), complex and NaN where not seen.
+
+    Also how far the points stray from a rigid body, rms over its size.  A pose takes two points, and a single point
+    has no angle (NaN).  ValueError if no frame shows all points.
+    """
+    if z.shape[1] == 1:
+        return np.column_stack([np.real(z[:, 0]), np.imag(z[:, 0])]), np.full(len(z), np.nan), 0.0
+    whole = z[np.isfinite(z).all(axis=1)]
+    if len(whole) == 0:
+        raise ValueError("no frame shows all points")
+    whole = whole - whole.mean(axis=1, keepdims=True)
+    turn = np.angle(np.sum(whole[0].conj() * whole, axis=1))
+    c = np.mean(whole * np.exp(-1j * turn)[:, None], axis=0)
+    c = c * np.exp(-1j * np.angle(c[1] - c[0]))
+
+    seen = np.isfinite(z)
+    count = np.maximum(seen.sum(axis=1), 1)
+    c_mean, z_mean = (seen * c).sum(axis=1) / count, np.where(seen, z, 0.0).sum(axis=1) / count
+    arms = np.where(seen, (c - c_mean[:, None]).conj() * (np.where(seen, z, 0.0) - z_mean[:, None]), 0.0)
+    theta = np.angle(arms.sum(axis=1))
+    p = z_mean - c_mean * np.exp(1j * theta)
+    few = seen.sum(axis=1) < 2
+    p[few], theta[few] = np.nan, np.nan
+    off = np.abs(z - p[:, None] - c * np.exp(1j * theta)[:, None])
+    size = float(np.sqrt(np.mean(np.abs(c) ** 2)))
+    place = np.column_stack([np.real(p), np.imag(p)])
+    return place, theta, float(np.sqrt(np.nanmean(off**2))) / size if size > 0.0 else np.inf
+
+
 def times(log: Log, options: Reading, trial: pd.Series, name: str, notes: list[str]) -> np.ndarray:
     """t (n,) in s: of column `name` in a unit or counting frames, or without it of evenly spaced rows; adds to `notes`.
 
@@ -171,3 +216,58 @@ def _need_origin(log: Log, options: Reading, rig: RigOptions, poses: pd.DataFram
             f"{log.path}: y is below 0, as pixels count from the upper corner. Say with --origin U,V which pixel is "
             "x = 0, y = 0 (v of the surface), or with --surface-height where the surface is, in m."
         )
+
+
+def read_quaternion_tables(
+    files: Sequence[str | Path], options: Reading, notes: list[str], warnings: list[str]
+) -> list[Motion]:
+    """The motion in each log, that of a point without a quaternion; adds to `notes` and `warnings`.
+
+    UserError if a column is missing, a cell is not a number, or the four columns are not a unit quaternion.
+    """
+    source = source_of(options)
+    logs = read_logs(files, options, [name for name, _ in source.values()], notes, warnings)
+    return [motion_of_table(log, source, options, notes if log is logs[0] else []) for log in logs]
+
+
+def source_of(options: Reading) -> dict[str, tuple[str, float]]:
+    """For each column of a motion in space that of the table, and its sign; UserError for that of a planar one."""
+    if "theta" in options.columns:
+        raise UserError("--columns: theta is the angle of a planar log; with --quaternion give q1, q2, q3 and q4.")
+    source = options.source("trial", "t", *AXES)
+    for i, letter in enumerate(options.quaternion or ""):
+        source[f"q{i + 1}"] = options.columns.get(f"q{i + 1}", (f"q{letter}", 1.0))
+    return source
+
+
+def motion_of_table(log: Log, source: Mapping[str, tuple[str, float]], options: Reading, notes: list[str]) -> Motion:
+    """The motion in one table, that of a point without a quaternion; errors as of `read_quaternion_tables`."""
+    path, order = log.path, options.quaternion
+    log, source = one_body(log, source, options.body)
+    four = [name for name in source if name.startswith("q")]
+    log.require([source[name][0] for name in (*AXES, *four, *(set(options.columns) & {"t", "trial"}))])
+
+    def cells(name: str) -> np.ndarray:
+        column, sign = source[name]
+        return sign * log.numbers(column)
+
+    labels = log.text(source["trial"][0]) if log.has(source["trial"][0]) else None
+    trial = None if labels is None else labels.to_numpy(dtype=str)
+    one = pd.Series("0", index=range(len(log))) if trial is None else pd.Series(trial)
+    t = times(log, options, one, source["t"][0], notes)
+    scales = [options.si.to_si(axis, log.unit(source[axis][0]), log.where(source[axis][0])) for axis in AXES]
+    position = np.array(scales) * np.stack([cells(axis) for axis in AXES], axis=1)
+    if order is None:
+        return Motion.of_point("", str(path), t, position, trial)
+    raw = unit(np.stack([cells(name) for name in four], axis=1), f"{path}, {', '.join(source[q][0] for q in four)}")
+
+    quaternion = raw[:, ORDERS[order]]
+    readings: Readings = {
+        f"--quaternion {other}": lambda other=other: raw[:, ORDERS[other]] for other in ORDERS if other != order
+    }
+    # a frame one axis of which points the other way: the two other components change their sign
+    for flipped in range(3):
+        turned = [four[ORDERS[order][other]] for other in range(3) if other != flipped]
+        option = ",".join(f"{q}={'-' if source[q][1] > 0 else ''}{source[q][0]}" for q in sorted(turned))
+        readings |= {f"--columns {option}": partial(mirrored, quaternion, flipped)}
+    return Motion("", str(path), t, position, quaternion, trial, readings)

@@ -13,6 +13,7 @@ from pathlib import Path
 
 import pandas as pd
 
+from thesis_lib.datasets.format.validate import first_of
 from thesis_lib.datasets.sources.tables.log_table import Log
 from thesis_lib.foundation.errors import UserError
 
@@ -25,8 +26,7 @@ def choose_body(path: Path, bodies: Sequence[str], body: str | None) -> str:
 
     UserError if there is none, or there are several.
     """
-    shown = ", ".join(name or "(no name)" for name in bodies[:SHOWN])
-    shown += f" and {len(bodies) - SHOWN} more" if len(bodies) > SHOWN else ""
+    shown = first_of([name or "(no name)" for name in bodies], SHOWN)
     if body is None and len(bodies) == 1:
         return bodies[0]
     ways = (
