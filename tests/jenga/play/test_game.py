@@ -1,6 +1,5 @@
 """Games on a made tower of stuck, free and fatal blocks follow the thesis's rules; one on a real tower agrees."""
 
-from types import SimpleNamespace
 from typing import ClassVar
 
 import numpy as np
@@ -27,7 +26,6 @@ class MadeTower:
     def __init__(self, seed):
         self.seed, self.robot_settings = seed, RobotSettings()
         self.layer, self.sizes = np.arange(BLOCKS) // 3, np.ones((BLOCKS, 3))
-        self.data = SimpleNamespace(qpos=np.zeros(3))
         self.moved, self.down = 0.0, np.array([], dtype=int)
 
     def poses(self):
@@ -44,6 +42,9 @@ class MadeTower:
 
     def fallen(self):
         return self.down
+
+    def collapsed(self):
+        return bool(self.down.size)
 
     def toppled(self, block=None):
         return bool((self.down != (-1 if block is None else block)).any())

@@ -215,8 +215,8 @@ def play(
                 game.end = ended
                 break
     except TowerError as error:
-        # a collapse may be too violent for the solver: the tower toppled, it was not unusable
-        if playing is not None and np.isfinite(tower.data.qpos).all() and tower.fallen().size:
+        # after a collapse the tower toppled, it was not unusable
+        if playing is not None and tower.collapsed():
             game.end = TOPPLED
             game.attempts[-1].reason = TOPPLED
         else:

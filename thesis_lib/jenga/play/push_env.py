@@ -121,9 +121,8 @@ class PushEnv(gymnasium.Env):
         try:
             _, self._reading = robot.push_step(asked.offset / MM, asked.heading)
         except TowerError:
-            # a collapse may be too violent for the solver: that is a fall; other breakdowns are not the policy's fault
-            fell = bool(np.isfinite(tower.data.qpos).all() and tower.fallen().size)
-            return self._end(-self.reward.fall, FELL) if fell else self._end(0.0, BROKEN)
+            # breakdowns other than a collapse are not the policy's fault
+            return self._end(-self.reward.fall, FELL) if tower.collapsed() else self._end(0.0, BROKEN)
         x = robot.state()[X]
         progress, self._x = x - self._x, x
         distance, angle = tower.perturbation(block, robot.start_poses)
