@@ -5,7 +5,7 @@ import pandas as pd
 import pytest
 from tower_for_tests import FREE_BLOCK, SEED, STUCK_BLOCK, Settled
 
-from thesis_lib.jenga.robot.movable import comes_out, fractions, hidden_label, is_movable, scan, trial_push
+from thesis_lib.jenga.robot.movable import comes_out, hidden_label, is_movable, scan, trial_push
 from thesis_lib.jenga.robot.samples import FREE, STATE, STUCK, UNKNOWN, PushSamples, as_table
 from thesis_lib.jenga.study import collect as collecting
 from thesis_lib.jenga.study.collect import REFUSED, collect, explore_tower
@@ -117,13 +117,6 @@ def test_movable_needs_both_to_follow_and_to_leave_the_tower_alone():
     assert is_movable(np.array([6.0, 6.0, 0.1]), np.array([0.1, 1.1, 0.0]), settings).tolist() == [True, False, False]
 
 
-def test_shares_of_movable_blocks_grow_with_the_threshold():
-    moved = np.array([6.0, 6.0, 6.0, 0.1])
-    table = pd.DataFrame({"tower": 3, "moved": moved, "others": [0.1, 0.6, 2.1, 0.0]})
-    shares = fractions(table, MovableSettings(), (0.5, 1.0, 3.0))
-    assert shares["share"].tolist() == [0.25, 0.5, 0.75] and set(shares["tower"]) == {3}
-
-
 def test_a_scan_says_which_blocks_are_movable():
     table = scan(Settled.get(), MovableSettings(), [FREE_BLOCK, STUCK_BLOCK])
     assert table["movable"].tolist() == [1, 0]
@@ -133,8 +126,7 @@ def test_a_scan_says_which_blocks_are_movable():
 @pytest.mark.slow
 def test_a_movable_block_is_really_extracted():
     tower = Settled.get()
-    start, robot = tower.poses(), tower.robot_settings
-    assert comes_out(tower, FREE_BLOCK, lambda: not robot.is_damage(*tower.perturbation(FREE_BLOCK, start)))
+    assert comes_out(tower, FREE_BLOCK, tower.robot_settings.is_damage)
 
 
 def test_the_reduced_tower_weighs_the_same_and_fixes_what_it_says():
