@@ -49,8 +49,7 @@ class Hma(Learner):
     """The learner of the thesis.
 
     Once fitted: mixture (None in one shot), networks; noise, the diagonal of Σ_z (7,), mm² and N²; resp (n, K), p(c |
-    push) of the training samples; shares π (K,); first (K,), belief before contact; look and names of the abstractions,
-    from `mixture.describe` and `mixture.names_of`.
+    push) of the training samples; look and names of the abstractions, from `mixture.describe` and `mixture.names_of`.
     """
 
     name: str = "hma"
@@ -59,7 +58,6 @@ class Hma(Learner):
     networks: BayesianNetworks = field(init=False, repr=False)
     noise: np.ndarray = field(init=False, repr=False)
     resp: np.ndarray = field(init=False, repr=False)
-    first: np.ndarray = field(init=False, repr=False)
     look: dict[str, np.ndarray] = field(init=False, repr=False)
     names: list[str] = field(init=False, repr=False)
 
@@ -140,10 +138,6 @@ class Hma(Learner):
         other = copy(self)
         other.networks = self.networks.at_mean()
         return other
-
-    def initial_belief(self, context: np.ndarray) -> np.ndarray:
-        """Belief (n, K) before contact."""
-        return np.tile(self.first, (len(context), 1))
 
     def update(
         self, belief: np.ndarray, state: np.ndarray, action: np.ndarray, context: np.ndarray, next_state: np.ndarray

@@ -118,13 +118,17 @@ class Scaling:
 
 @dataclass
 class Learner(ABC):
-    """A learner of the push dynamics.  After `fit` it has `scaling` and the `shares` (K,) of its abstractions."""
+    """A learner of the push dynamics.
+
+    After `fit` it has `scaling`, the `shares` (K,) of its abstractions, and `first` (K,), the belief before contact.
+    """
 
     settings: LearnerSettings = field(default_factory=LearnerSettings)
     name: str = ""
 
     scaling: Scaling = field(init=False, repr=False)
     shares: np.ndarray = field(init=False, repr=False)
+    first: np.ndarray = field(init=False, repr=False)
 
     @property
     def n_abstractions(self) -> int:
@@ -146,8 +150,8 @@ class Learner(ABC):
         """Next reading for each abstraction; rows (n, ·) as in the module's table, context (n, 2)."""
 
     def initial_belief(self, context: np.ndarray) -> np.ndarray:
-        """Belief (n, K) before contact: the shares."""
-        return np.tile(self.shares, (len(context), 1))
+        """Belief (n, K) before contact."""
+        return np.tile(self.first, (len(context), 1))
 
     def update(
         self, belief: np.ndarray, state: np.ndarray, action: np.ndarray, context: np.ndarray, next_state: np.ndarray

@@ -147,7 +147,7 @@ class Mor(Learner):
         self.scores = {k: float(score.sum()) / len(y) for k, score in scores.items()}
         best = max(self.scores, key=self.scores.get)
         self.experts = em(x, y, best, config, rng)
-        self.shares = np.exp(self.experts.log_gate(x)).mean(axis=0)
+        self.shares = self.first = np.exp(self.experts.log_gate(x)).mean(axis=0)
         resp = np.exp(log_softmax(self.experts.log_joint(x, y), axis=1))
         self.look = describe(windows(samples, self.settings.window), resp, self.settings.window.force_scale)
         return self

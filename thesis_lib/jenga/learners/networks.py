@@ -25,6 +25,7 @@ is 1.  Source: thesis, section 5.5.2, which gives no sizes.
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 import torch
@@ -52,7 +53,7 @@ def layer_shapes(n_inputs: int, hidden: tuple[int, ...]) -> list[tuple[int, int]
 
 def _affine(x: torch.Tensor, w: torch.Tensor) -> torch.Tensor:
     """x (…, n, in) times weights (…, in + 1, out); the last row is the bias."""
-    return x @ w[..., :-1, :] + w[..., -1:, :]
+    return torch.matmul(x, w[..., :-1, :]).add_(w[..., -1:, :])
 
 
 def forward(x: torch.Tensor, layers: Layers) -> tuple[torch.Tensor, torch.Tensor]:
@@ -65,16 +66,15 @@ def outputs_of(x: torch.Tensor, layers: Layers) -> torch.Tensor:
     """Outputs that `forward` parts and clamps, (…, n, 14)."""
     h = x
     for w in layers[:-2]:
-        h = torch.matmul(h, w[..., :-1, :]).add_(w[..., -1:, :]).tanh_()
-    out = torch.matmul(h, layers[-2][..., :-1, :]).add_(layers[-2][..., -1:, :])
-    return out.add_(torch.matmul(x, layers[-1][..., :-1, :]).add_(layers[-1][..., -1:, :]))
+        h = _affine(h, w).tanh_()
+    return _affine(h, layers[-2]).add_(_affine(x, layers[-1]))
 
 
-def soft_clamp(log_var: torch.Tensor) -> torch.Tensor:
-    """Log variance confined smoothly to `LOG_VAR`."""
+def soft_clamp(log_var: Any, xp: Any = torch) -> Any:
+    """Log variance confined smoothly to `LOG_VAR`; `xp` is torch or a library with its tanh."""
     low, high = LOG_VAR
     middle, half = 0.5 * (low + high), 0.5 * (high - low)
-    return middle + half * torch.tanh((log_var - middle) / half)
+    return middle + half * xp.tanh((log_var - middle) / half)
 
 
 def _local(x: torch.Tensor, mean: torch.Tensor, std: torch.Tensor, gen: torch.Generator) -> torch.Tensor:
@@ -240,7 +240,7 @@ class Network(Learner):
 
     def fit(self, samples: PushSamples, rng: np.random.Generator) -> "Network":
         """Train by the module's loss.  Errors as in `Learner.fit`."""
-        self.shares = np.ones(1)
+        self.shares = self.first = np.ones(1)
         self.layers = train_plain(*self.scale(samples), self.settings.network, int(rng.integers(2**31)))
         return self
 
