@@ -33,6 +33,7 @@ from thesis_lib.jenga.learners.learner import (
     bayes,
     log_likelihood,
     mix,
+    push_groups,
     step_features,
     windows,
 )
@@ -76,7 +77,7 @@ class Hma(Learner):
         self.shares = (self.resp.sum(axis=0) + 1.0) / (len(samples) + self.resp.shape[1])
         self.noise = self._noise(samples)
         # P(c_1): counts over first samples of pushes, with π as a prior worth `PRIOR_PUSHES` pushes
-        first = np.concatenate([[True], samples.push[1:] != samples.push[:-1]])
+        first = [rows[0] for rows in push_groups(samples)]
         counts = self.resp[first].sum(axis=0) + PRIOR_PUSHES * self.shares
         self.first = counts / counts.sum()
         self.look = describe(features, self.resp, config.window.force_scale)

@@ -106,12 +106,10 @@ class Learned(Policy):
         best = int(np.argmin(costs))
         if self.steps >= self.settings.probe and costs[best] > self.settings.give_up:
             return Retract()
-        offset, heading = sequences[best, 0]
-        self.contact = float(offset)
-        return Push(float(offset), float(heading))
+        return Push(*map(float, sequences[best, 0]))
 
     def observe(self, state: np.ndarray, action: Push, next_state: np.ndarray) -> None:
-        self.steps += 1
+        self.steps, self.contact = self.steps + 1, action.offset
         step = (state[None], np.array([[action.offset, action.heading]]), self.context[None])
         self.belief = self.learner.update(self.belief[None], *step, next_state[None])[0]
 
