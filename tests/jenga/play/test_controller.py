@@ -196,7 +196,7 @@ def test_sequences_keep_within_limits_and_hold_the_straight_push():
     assert sequences.shape == (64, 4, 2)
     assert (np.abs(sequences) <= [SETTINGS.offset, SETTINGS.heading]).all()
     assert (sequences == 0.0).all(axis=(1, 2)).any()
-    policy.contact = 3.0
+    policy.observe(np.zeros(7), Push(3.0, 0.0), np.zeros(7))
     assert (policy.sequences()[0] == [3.0, 0.0]).all()
     assert controller(sequences=3, horizon=1).sequences().shape == (3, 1, 2)
 
