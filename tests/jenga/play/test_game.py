@@ -11,6 +11,7 @@ from thesis_lib.jenga.play import game as playing
 from thesis_lib.jenga.play.game import block_order, play, read_game, write_game
 from thesis_lib.jenga.play.policies import AlwaysPush, RulePolicy
 from thesis_lib.jenga.robot.primitives import PrimitiveOutcome
+from thesis_lib.jenga.robot.robot import reading
 from thesis_lib.jenga.robot.samples import FREE, STUCK
 from thesis_lib.jenga.tower.settings import RobotSettings, Setup, TowerSettings
 from thesis_lib.jenga.tower.tower import BLOCKS, REACHABLE, TowerError
@@ -54,8 +55,8 @@ class MadeTower:
 
 
 class MadeRobot:
-    def __init__(self, tower, sensor):
-        self.tower, self.sensor = tower, sensor
+    def __init__(self, tower, sensing, rng):
+        self.tower, self.sensing, self.rng = tower, sensing, rng
 
     def start(self, block):
         self.block, self.steps, self.start_poses, self.tower.moved = block, 0, None, 0.0
@@ -67,7 +68,7 @@ class MadeRobot:
         state[0], state[5] = 0.0 if stuck else self.steps, self.steps
         state[3], state[6] = (0.6 * self.steps, 0.8 * self.steps) if stuck else (0.05, 0.0)
         self.tower.moved = 1e-3 * state[6]
-        return self.sensor.read(state)
+        return reading(state, self.sensing, self.rng)
 
     def push_step(self, offset, heading):
         before = self._reading()

@@ -25,7 +25,7 @@ from thesis_lib.foundation.files import read_json, write_json
 from thesis_lib.jenga.play.policies import Policy, Retract
 from thesis_lib.jenga.robot.movable import hidden_label
 from thesis_lib.jenga.robot.primitives import FELL_FROM_TOP, Gripper
-from thesis_lib.jenga.robot.robot import Robot, Sensor
+from thesis_lib.jenga.robot.robot import Robot
 from thesis_lib.jenga.robot.samples import F_N, MM, TOWER, UNKNOWN
 from thesis_lib.jenga.tower.settings import Setup
 from thesis_lib.jenga.tower.tower import REACHABLE, TowerError, settled_tower
@@ -127,7 +127,7 @@ class _Play:
             attempt.truth = hidden_label(tower, block, self.setup.movable)
         policy.start(block, context)
         noise = _stream(self.base_seed, self.seed, f"readings {block}")
-        robot = Robot(tower, Sensor(self.setup.sensing, noise))
+        robot = Robot(tower, self.setup.sensing, noise)
         attempt.reason = self._push(robot, attempt, context)
         distance, angle = tower.perturbation(block, robot.start_poses)
         attempt.damage = round(MM * distance, 4)

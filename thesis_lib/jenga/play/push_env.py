@@ -25,7 +25,7 @@ import numpy as np
 
 from thesis_lib.jenga.play.policies import Action, Push, Retract
 from thesis_lib.jenga.play.settings import EpisodeSettings, RewardSettings
-from thesis_lib.jenga.robot.robot import Robot, Sensor
+from thesis_lib.jenga.robot.robot import Robot
 from thesis_lib.jenga.robot.samples import ACTION, CONTEXT, MM, STATE, X
 from thesis_lib.jenga.tower.settings import Setup
 from thesis_lib.jenga.tower.tower import LAYERS, REACHABLE, Snapshot, Tower, TowerError, reduce, settled_tower
@@ -149,7 +149,7 @@ class PushEnv(gymnasium.Env):
         block = int(self.np_random.choice(REACHABLE)) if block is None else block
         self._tower.load(self._settled)
         tower = reduce(self._tower, block)
-        self._robot = Robot(tower, Sensor(self.setup.sensing, self.np_random))
+        self._robot = Robot(tower, self.setup.sensing, self.np_random)
         self._reading = self._robot.start(block)
         self._context = tower.context(block)
         self._x, self._gained, self._samples = self._robot.state()[X], 0.0, 0

@@ -12,17 +12,12 @@ import numpy as np
 import pandas as pd
 
 from thesis_lib.jenga.robot.primitives import Gripper
-from thesis_lib.jenga.robot.robot import Robot, Sensor
+from thesis_lib.jenga.robot.robot import Robot
 from thesis_lib.jenga.robot.samples import F_N, FREE, STUCK, TOWER, X
-from thesis_lib.jenga.tower.settings import MovableSettings, SensingSettings
+from thesis_lib.jenga.tower.settings import MovableSettings
 from thesis_lib.jenga.tower.tower import REACHABLE, Tower
 
 SCAN = ["tower", "block", "layer", "side", "force", "moved", "others", "movable"]
-
-
-def silent_robot(tower: Tower) -> Robot:
-    """A robot for pushes whose readings are not used."""
-    return Robot(tower, Sensor(SensingSettings(), np.random.default_rng(0)))
 
 
 def trial_push(tower: Tower, block: int, steps: int) -> tuple[float, float, float]:
@@ -31,7 +26,7 @@ def trial_push(tower: Tower, block: int, steps: int) -> tuple[float, float, floa
     The tower is restored afterwards.  Errors as in `Robot.start`.
     """
     before = tower.save()
-    robot = silent_robot(tower)
+    robot = Robot(tower)
     robot.start(block)
     peak = 0.0
     for _ in range(steps):
@@ -73,7 +68,7 @@ def comes_out(
     afterwards.  Errors as in `Robot.start`.
     """
     before, iterations, poses = tower.save(), tower.iterations_needed, tower.poses()
-    robot, gripper = silent_robot(tower), Gripper(tower)
+    robot, gripper = Robot(tower), Gripper(tower)
     try:
         robot.start(block, offset)
         while not robot.reached_goal():

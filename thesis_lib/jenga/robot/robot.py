@@ -40,16 +40,9 @@ def standard_deviations(advance: float, settings: SensingSettings) -> np.ndarray
     return sigma
 
 
-class Sensor:
-    """Adds the noise of camera and force sensor."""
-
-    def __init__(self, settings: SensingSettings, rng: np.random.Generator):
-        self.settings, self.rng = settings, rng
-
-    def read(self, state: np.ndarray) -> np.ndarray:
-        """A reading z_t of the true state s_t, (7,), mm and N (`samples.STATE`)."""
-        sigma = standard_deviations(state[ADVANCE], self.settings)
-        return state + sigma * self.rng.standard_normal(len(STATE))
+def reading(state: np.ndarray, settings: SensingSettings, rng: np.random.Generator) -> np.ndarray:
+    """A reading z_t of the true state s_t, (7,), mm and N (`samples.STATE`), by camera and force sensor."""
+    return state + standard_deviations(state[ADVANCE], settings) * rng.standard_normal(len(STATE))
 
 
 def push_axes(block: int) -> tuple[np.ndarray, np.ndarray]:
@@ -64,14 +57,17 @@ def way_out(tower: Tower, block: int) -> float:
 
 
 class Robot:
-    """Pushes blocks of one tower and reads the sensors.
+    """Pushes blocks of one tower and reads the sensors, whose noise comes from `rng`; without, it is told true states.
 
     After `start(block)`: `push_step(offset, heading)` any number of times, then `retract()`.  Arguments are in
     m; `state` and `observe` are in mm.
     """
 
-    def __init__(self, tower: Tower, sensor: Sensor):
-        self.tower, self.sensor, self.settings = tower, sensor, tower.robot_settings
+    def __init__(
+        self, tower: Tower, sensing: SensingSettings | None = None, rng: np.random.Generator | None = None
+    ) -> None:
+        self.tower, self.settings = tower, tower.robot_settings
+        self.sensing, self.rng = sensing or SensingSettings(), rng
         self.block: int | None = None
         self._tip = tower.model.geom("tip").id
         self._drives = tower.drives(TIP)
@@ -160,7 +156,9 @@ class Robot:
         return max(self.force @ self.u, 0.0) / self.settings.stiffness
 
     def _look(self) -> np.ndarray:
-        self._seen = self.sensor.read(self.state())
+        self._seen = self.state()
+        if self.rng is not None:
+            self._seen = reading(self._seen, self.sensing, self.rng)
         return self._seen
 
     def _yaw(self) -> float:

@@ -18,7 +18,7 @@ from thesis_lib.jenga.play.policies import explored
 from thesis_lib.jenga.play.settings import SampleChoice, TowerChoice
 from thesis_lib.jenga.robot.movable import hidden_label
 from thesis_lib.jenga.robot.primitives import Gripper
-from thesis_lib.jenga.robot.robot import Robot, Sensor
+from thesis_lib.jenga.robot.robot import Robot
 from thesis_lib.jenga.robot.samples import F_N, MM, RANGE, STATE, TOWER, UNKNOWN, YAW, PushSamples, Y, join
 from thesis_lib.jenga.tower.settings import Setup
 from thesis_lib.jenga.tower.tower import REACHABLE, TowerError, check_standing, reduce, settled_tower
@@ -46,7 +46,7 @@ class _Run:
         else:
             truth = UNKNOWN
             tower.load(tower.save())  # poses of the present state instead of the last step's, as after a trial push
-        robot = Robot(tower, Sensor(self.setup.sensing, self.rng))
+        robot = Robot(tower, self.setup.sensing, self.rng)
         first, where = len(self.rows), (tower.layer[block], int(tower.is_side(block)))
         reason = self._push(robot, block, truth, limit)
         fell = reason in ("dropped", "tower toppled")

@@ -18,7 +18,7 @@ from thesis_lib.jenga.learners.kalman import KalmanBank
 from thesis_lib.jenga.learners.settings import NutsSettings
 from thesis_lib.jenga.play.game import Game
 from thesis_lib.jenga.robot.movable import hidden_label
-from thesis_lib.jenga.robot.robot import Robot, Sensor
+from thesis_lib.jenga.robot.robot import Robot
 from thesis_lib.jenga.robot.samples import F_N, KINDS, TOWER, X
 from thesis_lib.jenga.study.showcase_nuts import Sampler, agreement
 from thesis_lib.jenga.tower.settings import Setup
@@ -38,7 +38,7 @@ def straight_pushes(seed: int, setup: Setup, steps: int, rng: np.random.Generato
         case = KINDS[hidden_label(tower, block, setup.movable)]
         if case in pushes:
             continue
-        robot = Robot(tower, Sensor(setup.sensing, rng))
+        robot = Robot(tower, setup.sensing, rng)
         readings, context = [robot.start(block)], tower.context(block)
         for _ in range(steps):
             readings.append(robot.push_step(0.0, 0.0)[1])

@@ -20,7 +20,7 @@ from thesis_lib.jenga.play.controller import Learned
 from thesis_lib.jenga.play.policies import AlwaysPush, Policy, Push, Retract
 from thesis_lib.jenga.play.settings import ShowcaseChoice
 from thesis_lib.jenga.robot.movable import hidden_label
-from thesis_lib.jenga.robot.robot import Robot, Sensor
+from thesis_lib.jenga.robot.robot import Robot
 from thesis_lib.jenga.robot.samples import ADVANCE, FREE, MM, YAW, X, Y
 from thesis_lib.jenga.tower.settings import Setup
 from thesis_lib.jenga.tower.tower import REACHABLE, settled_tower
@@ -56,7 +56,7 @@ def steering_pushes(
                 tower.load(settled)
                 policy = Learned(learner, choice.steering) if steered else AlwaysPush()
                 case = {"block": block, "edge": edge, "steered": steered}
-                robot = Robot(tower, Sensor(setup.sensing, np.random.default_rng(noise)))
+                robot = Robot(tower, setup.sensing, np.random.default_rng(noise))
                 rows, end = _push(robot, block, Push(edge), policy, choice.disturbed)
                 steps += [case | row for row in rows]
                 ends.append(case | end)
@@ -68,7 +68,7 @@ def steering_pushes(
 def _push(robot: Robot, block: int, first: Push, policy: Policy, disturbed: int) -> tuple[list[dict], dict]:
     """Rows and end of one push: `disturbed` times `first`, then the policy."""
     reading, context, rows = robot.start(block), robot.tower.context(block), []
-    policy.begin(robot.sensor.rng)
+    policy.begin(robot.rng)
     policy.start(block, context)
     for step in range(MOST):
         action = first if step < disturbed else policy.act(reading, context)
