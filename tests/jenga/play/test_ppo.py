@@ -223,7 +223,7 @@ def reading(stuck: bool) -> np.ndarray:
     return state
 
 
-LEARNS = PpoSettings(rate=3e-3, segment=10**6)
+LEARNS = PpoSettings(rate=3e-3, segment=2000)
 
 
 @pytest.fixture(scope="module")
@@ -255,25 +255,18 @@ def test_no_policy_has_seen_more_samples_than_it_says(toy):
     assert not np.array_equal(weights(early), weights(late))
 
 
-SHORT = PpoSettings(segment=60, rollout=32, batch=16)
-
-
-def trained(checkpoints=(50, 150)):
-    return train_ppo(checkpoints, SHORT, seed=0, environment=Toy, device="cpu")
-
-
 def weights(policy) -> np.ndarray:
     return np.concatenate([part.ravel() for layer in policy.layers for part in layer])
 
 
-def test_a_file_holds_the_policy_and_nothing_that_runs(tmp_path):
-    policy = trained()[150]
+def test_a_file_holds_the_policy_and_nothing_that_runs(toy, tmp_path):
+    policy = toy[0][100]
     path = tmp_path / "policy.pt"
     write_policy(policy, path)
     again = read_policy(path)
     state = np.random.default_rng(0).normal(size=7)
     assert again.act(state, CONTEXT) == policy.act(state, CONTEXT)
-    assert again.samples == 150 and again.episodes.equals(policy.episodes)
+    assert again.samples == 100 and again.episodes.equals(policy.episodes)
     with pytest.raises(UserError):
         read_policy(tmp_path / "none.pt")
     path.write_bytes(b"not a policy")
@@ -284,19 +277,18 @@ def test_a_file_holds_the_policy_and_nothing_that_runs(tmp_path):
         read_policy(path)
 
 
-def test_it_plays_what_the_library_would_play():
+def test_it_plays_what_the_library_would_play(toy):
     from stable_baselines3 import PPO
 
-    policy = trained()[150]
-    model = PPO(
-        "MlpPolicy", Toy(), policy_kwargs={"net_arch": list(SHORT.hidden)}, device="cpu", n_steps=2, batch_size=2
-    )
+    policy = toy[0][100]
+    layers = {"net_arch": list(LEARNS.hidden)}
+    model = PPO("MlpPolicy", Toy(), policy_kwargs=layers, device="cpu", n_steps=2, batch_size=2)
     model.policy.load_state_dict(policy.state["policy"])
     rng = np.random.default_rng(0)
     for _ in range(20):
         state = 3.0 * rng.normal(size=7)
         action, _ = model.predict(observation(state, CONTEXT), deterministic=True)
-        played, wanted = policy.act(state, CONTEXT), as_action(action, SHORT.episode)
+        played, wanted = policy.act(state, CONTEXT), as_action(action, LEARNS.episode)
         assert type(played) is type(wanted)
         if isinstance(played, Push):
             assert played.offset == pytest.approx(wanted.offset, abs=1e-4)
@@ -306,7 +298,7 @@ def test_it_plays_what_the_library_would_play():
 @pytest.mark.parametrize("checkpoints", [[], [1], [100, 50], [100, 100]])
 def test_impossible_checkpoints_are_refused(checkpoints):
     with pytest.raises(UserError, match="checkpoints"):
-        trained(checkpoints=checkpoints)
+        train_ppo(checkpoints, environment=Toy)
 
 
 @pytest.mark.slow

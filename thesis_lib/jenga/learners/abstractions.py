@@ -35,7 +35,7 @@ All of these are own choices: the thesis judges abstractions by eye (figure 5-8)
 """
 
 from copy import copy
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 import pandas as pd
@@ -134,29 +134,15 @@ def residuals(learner: Learner, samples: PushSamples) -> tuple[np.ndarray, np.nd
     return residual, nearest
 
 
-@dataclass(frozen=True)
-class PredictiveCheck:
-    """Which pushes the learned abstractions do not explain.
-
-    pushes: a row per push: push, tower, block, layer, side, steps, distance (D), p_value, fails, abstraction (most
-    frequent), worst (the dimension of the state with the largest term of D²).  by_abstraction: a row per abstraction
-    used: name, pushes, number of failures, mean distance.  p_value: of all pushes together.  new_abstraction: whether
-    one is needed.
-    """
-
-    pushes: pd.DataFrame
-    by_abstraction: pd.DataFrame
-    p_value: float
-    new_abstraction: bool
-
-
 def predictive_check(
     learner: Learner, samples: PushSamples, reference: PushSamples, rng: np.random.Generator
-) -> PredictiveCheck:
-    """Compare predictions with new samples; `reference` are samples of the known tower that were not learned from.
+) -> tuple[pd.DataFrame, float]:
+    """Which pushes the learned abstractions do not explain, and the p-value of all pushes together.
 
-    A new abstraction is needed if all pushes together deviate too much (p_value below `LEVEL`).  UserError for fewer
-    than `ENOUGH` reference pushes.
+    A row per push: push, tower, block, layer, side, steps, distance (D), p_value, fails, abstraction (most frequent),
+    worst (the dimension of the state with the largest term of D²).  `reference` are samples of the known tower that
+    were not learned from.  A new abstraction is needed if all pushes together deviate too much (p-value below `LEVEL`).
+    UserError for fewer than `ENOUGH` reference pushes.
     """
     known, reference_values, within = _per_push(learner, reference)
     if len(known) < ENOUGH:
@@ -181,14 +167,7 @@ def predictive_check(
     table["fails"] = (table["p_value"] <= LEVEL).astype(int)
     both = np.concatenate([table["distance"], known["distance"]]) ** 2
     shuffled = rng.permuted(np.tile(both, (PERMUTATIONS, 1)), axis=1)[:, : len(table)].sum(axis=1)
-    overall = float((1 + (shuffled >= (table["distance"] ** 2).sum()).sum()) / (1 + PERMUTATIONS))
-    names = getattr(learner, "names", [str(k) for k in range(learner.n_abstractions)])
-    by = (
-        table.groupby("abstraction", as_index=False)
-        .agg(pushes=("push", "size"), failed=("fails", "sum"), distance=("distance", "mean"))
-        .assign(name=lambda part: [names[k] for k in part["abstraction"]])
-    )
-    return PredictiveCheck(table, by, overall, bool(overall < LEVEL))
+    return table, float((1 + (shuffled >= (table["distance"] ** 2).sum()).sum()) / (1 + PERMUTATIONS))
 
 
 def _square(

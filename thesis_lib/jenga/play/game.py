@@ -14,6 +14,7 @@ a retreat does not break the row, and damage costs the block without ending the 
 `refused` game, which is counted but has no score.
 """
 
+from collections.abc import Callable
 from dataclasses import asdict, dataclass, field, fields
 from pathlib import Path
 
@@ -84,14 +85,12 @@ class Game:
     @property
     def extractions(self) -> int:
         """The score; UserError if the game was refused."""
-        self._must_count()
-        return sum(attempt.pushed == 1 and attempt.extracted == 1 for attempt in self.attempts)
+        return self._count(lambda attempt: attempt.pushed == 1 and attempt.extracted == 1)
 
     @property
     def placements(self) -> int:
         """Blocks placed with success.  Errors as in `extractions`."""
-        self._must_count()
-        return sum(attempt.placed == 1 for attempt in self.attempts)
+        return self._count(lambda attempt: attempt.placed == 1)
 
     def table(self) -> pd.DataFrame:
         """A row per block tried: policy, tower and the fields of `Attempt`."""
@@ -99,12 +98,13 @@ class Game:
         rows = pd.DataFrame([asdict(attempt) for attempt in self.attempts], columns=names)
         return rows.assign(policy=self.policy, tower=self.seed)[["policy", "tower", *names]]
 
-    def _must_count(self) -> None:
+    def _count(self, successful: Callable[[Attempt], bool]) -> int:
         if self.refused:
             raise UserError(
                 f"the game of {self.policy} on tower {self.seed} was refused ({self.error}): count it as such, or "
                 "leave the tower out for every policy."
             )
+        return sum(map(successful, self.attempts))
 
 
 class _Play:
