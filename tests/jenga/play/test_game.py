@@ -166,7 +166,7 @@ def test_a_standing_tower_whose_simulation_breaks_down_is_refused(made):
 
 
 def test_a_tower_that_cannot_be_settled_is_refused_and_not_a_score():
-    game = play(1, RulePolicy(), Setup(tower=TowerSettings(iterations=2), robot=RobotSettings(step_time=0.05)))
+    game = play(1, RulePolicy(), Setup(tower=TowerSettings(iterations=2)))
     assert game.refused and not game.attempts and "iterations" in game.error
 
 
