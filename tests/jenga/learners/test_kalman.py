@@ -22,7 +22,6 @@ class Linear:
     e: np.ndarray
     q: np.ndarray
     belief: np.ndarray
-    name: str = "linear"
 
     @property
     def n_abstractions(self) -> int:

@@ -18,8 +18,6 @@ SETTINGS = ControllerSettings()
 class MadeLearner:
     """Abstraction 0: the block goes along and can be steered; 1: the force climbs and the tower is dragged."""
 
-    name = "made"
-
     def __init__(self, first=(0.5, 0.5), drag: float = 0.8, stuck_named: bool = True):
         self.first, self.drag = np.array(first), drag
         if stuck_named:

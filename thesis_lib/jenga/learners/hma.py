@@ -20,7 +20,6 @@ Source: thesis, sections 5.3.1 and 5.3.2; own choices in `settings`.
 """
 
 from copy import copy
-from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -45,7 +44,6 @@ FIRST_STEP = 0.5  # mm of advance, below which the state does not yet tell block
 PRIOR_PUSHES = 2.0  # weight of π in the initial belief, in pushes
 
 
-@dataclass
 class Hma(Learner):
     """The learner of the thesis.
 
@@ -53,14 +51,12 @@ class Hma(Learner):
     push) of the training samples; look and names of the abstractions, from `mixture.describe` and `mixture.names_of`.
     """
 
-    name: str = "hma"
-
-    mixture: WindowMixture | None = field(init=False, repr=False, default=None)
-    networks: BayesianNetworks = field(init=False, repr=False)
-    noise: np.ndarray = field(init=False, repr=False)
-    resp: np.ndarray = field(init=False, repr=False)
-    look: dict[str, np.ndarray] = field(init=False, repr=False)
-    names: list[str] = field(init=False, repr=False)
+    mixture: WindowMixture | None = None
+    networks: BayesianNetworks
+    noise: np.ndarray
+    resp: np.ndarray
+    look: dict[str, np.ndarray]
+    names: list[str]
 
     def fit(self, samples: PushSamples, rng: np.random.Generator) -> "Hma":
         """Run the steps of the module.  Errors as in `Learner.fit`."""
@@ -91,10 +87,10 @@ class Hma(Learner):
         config, k = self.settings, self.settings.mixture.max_abstractions
         _, push = np.unique(samples.push, return_inverse=True)
         self.resp = rng.dirichlet(np.full(k, 0.5), push.max() + 1)[push]
-        steps = max(1, config.network.iterations // config.rounds)
+        short = config.network.model_copy(update={"iterations": max(1, config.network.iterations // config.rounds)})
         nets = None
         for _ in range(config.rounds):
-            nets = train(inputs, outputs, self.resp, config.network, seed, nets, steps)
+            nets = train(inputs, outputs, self.resp, short, seed, nets)
             mean, var = nets.predict(inputs)
             log_like = log_likelihood(mean, var(), outputs, config.belief)
             shares = (self.resp.sum(axis=0) + 1.0) / (len(inputs) + k)

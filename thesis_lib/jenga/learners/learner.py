@@ -28,7 +28,7 @@ Source: thesis, section 5.3 and figure 5-3; N. Fazeli et al. 2019, doi 10.1126/s
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, Self
 
@@ -116,19 +116,18 @@ class Scaling:
         return state + self.drift + self.change * outputs
 
 
-@dataclass
 class Learner(ABC):
     """A learner of the push dynamics.
 
     After `fit` it has `scaling`, the `shares` (K,) of its abstractions, and `first` (K,), the belief before contact.
     """
 
-    settings: LearnerSettings = field(default_factory=LearnerSettings)
-    name: str = ""
+    scaling: Scaling
+    shares: np.ndarray
+    first: np.ndarray
 
-    scaling: Scaling = field(init=False, repr=False)
-    shares: np.ndarray = field(init=False, repr=False)
-    first: np.ndarray = field(init=False, repr=False)
+    def __init__(self, settings: LearnerSettings | None = None):
+        self.settings = settings or LearnerSettings()
 
     @property
     def n_abstractions(self) -> int:

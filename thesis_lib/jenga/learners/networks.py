@@ -153,16 +153,13 @@ def train(
     settings: NetworkSettings,
     seed: int,
     start: BayesianNetworks | None = None,
-    iterations: int | None = None,
 ) -> BayesianNetworks:
     """Networks that minimise the module's loss.
 
-    inputs: x (n, d).  outputs: Δ (n, 7).  resp: r (n, K).  start: networks to continue.  iterations: default the
-    settings'.
+    inputs: x (n, d).  outputs: Δ (n, 7).  resp: r (n, K).  start: networks to continue.
     """
     gen = torch.Generator().manual_seed(seed)
     k, n = resp.shape[1], len(inputs)
-    steps = settings.iterations if iterations is None else iterations
     x, y, r = (torch.as_tensor(a, dtype=torch.float32) for a in (inputs, outputs, resp))
     shapes = layer_shapes(x.shape[1], settings.hidden)
     scales = [1.0 / np.sqrt(rows) for rows, _ in shapes]
@@ -191,7 +188,7 @@ def train(
         anneal = min(1.0, share / settings.warm_up) if settings.warm_up > 0 and start is None else 1.0
         return (fit + anneal * divergence(shared, mean, log_std, scales, settings)) / n
 
-    descend([*shared, *mean, *log_std], loss, settings.rate, steps)
+    descend([*shared, *mean, *log_std], loss, settings.rate, settings.iterations)
     nets = BayesianNetworks(settings, *([w.detach() for w in ws] for ws in (mean, log_std, shared)))
     nets.redraw(gen)
     return nets
@@ -230,13 +227,10 @@ def train_plain(inputs: np.ndarray, outputs: np.ndarray, settings: NetworkSettin
     return [w.detach() for w in layers]
 
 
-@dataclass
 class Network(Learner):
     """Feed-forward network with K = 1.  Once fitted: layers (see the module)."""
 
-    name: str = "network"
-
-    layers: Layers = field(init=False, repr=False)
+    layers: Layers
 
     def fit(self, samples: PushSamples, rng: np.random.Generator) -> "Network":
         """Train by the module's loss.  Errors as in `Learner.fit`."""

@@ -85,12 +85,11 @@ def branch_costs(states: np.ndarray, settings: ControllerSettings) -> np.ndarray
 class Learned(Policy):
     """The controller on a fitted learner, as a `policies.Policy`.
 
-    name: default the learner's.  belief: (K,), of the pushed block.
+    belief: (K,), of the pushed block.
     """
 
-    def __init__(self, learner: Learner, settings: ControllerSettings | None = None, name: str | None = None):
-        self.learner, self.settings = learner, settings or ControllerSettings()
-        self.name = name or learner.name
+    def __init__(self, learner: Learner, settings: ControllerSettings | None = None, name: str = "learned"):
+        self.learner, self.settings, self.name = learner, settings or ControllerSettings(), name
         offsets = np.linspace(-self.settings.offset, self.settings.offset, OFFSETS)
         headings = np.linspace(-self.settings.heading, self.settings.heading, HEADINGS)
         self._held = np.array([(offset, heading) for offset in offsets for heading in headings])
