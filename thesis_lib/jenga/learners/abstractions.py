@@ -52,6 +52,7 @@ from thesis_lib.jenga.robot.samples import F_N, FREE, STATE, STUCK, TOWER, UNKNO
 PLAUSIBLE = 0.05  # belief below which an abstraction cannot explain a sample
 LEVEL = 0.05  # of the predictive check, for a push and for all together
 PERMUTATIONS, RESAMPLES = 2000, 1000
+FIRST = 5  # samples of a push from which stuck or free is decided
 ENOUGH = 20  # reference pushes: with fewer, no p-value of a push can reach the level
 
 
@@ -76,7 +77,7 @@ def no_move(
     return float(1.0 - (1.0 - still * forced) * (1.0 - drags))
 
 
-def infer_first_steps(learner: Learner, samples: PushSamples, steps: int = 5) -> tuple[np.ndarray, np.ndarray]:
+def infer_first_steps(learner: Learner, samples: PushSamples, steps: int = FIRST) -> tuple[np.ndarray, np.ndarray]:
     """First row (m,) of each push with `steps` samples or more, and the belief (m, K) after them; UserError if none."""
     rows = np.array([rows[:steps] for rows in push_groups(samples) if len(rows) >= steps])
     if not len(rows):
@@ -85,8 +86,8 @@ def infer_first_steps(learner: Learner, samples: PushSamples, steps: int = 5) ->
     return rows[:, 0], belief
 
 
-def agreement(learner: Hma, samples: PushSamples, rng: np.random.Generator, steps: int = 5) -> dict[str, float | int]:
-    """How well the first `steps` samples of a push tell stuck from free.
+def agreement(learner: Hma, samples: PushSamples, rng: np.random.Generator) -> dict[str, float | int]:
+    """How well the first `FIRST` samples of a push tell stuck from free.
 
     balanced_accuracy with low and high (95 %), rand_index, n_stuck, n_free (pushes).  UserError if no push of known
     truth is long enough, or all have the same truth.
@@ -94,7 +95,7 @@ def agreement(learner: Hma, samples: PushSamples, rng: np.random.Generator, step
     from sklearn.metrics import adjusted_rand_score
 
     known = samples.select(samples.truth != UNKNOWN)
-    rows, belief = infer_first_steps(learner, known, steps)
+    rows, belief = infer_first_steps(learner, known)
     truth = known.truth[rows]
     called = belief[:, stuck_group(learner)].sum(axis=1) > 0.5
     right = {kind: (called == (kind == STUCK))[truth == kind].astype(float) for kind in (FREE, STUCK)}
