@@ -9,8 +9,10 @@ import numpy as np
 
 from thesis_lib.jenga.learners.hma import Hma
 from thesis_lib.jenga.learners.kalman import process_variance
+from thesis_lib.jenga.learners.settings import LearnerSettings, NetworkSettings
 from thesis_lib.jenga.robot.samples import UNKNOWN, PushSamples
 
+FAST = LearnerSettings(network=NetworkSettings(iterations=500))
 KINDS = ("none", "easy", "hard", "stuck", "drag")
 SHARES = (0.04, 0.32, 0.19, 0.25, 0.20)
 STIFFNESS, LIMIT = 0.65, 4.0  # N/mm, N
@@ -90,18 +92,17 @@ def make_samples(
 
 
 def sample_push(
-    learner: Hma, rng: np.random.Generator, actions: np.ndarray, context: np.ndarray, abstraction: int | None = None
-) -> tuple[int, np.ndarray, np.ndarray]:
-    """A push from the generative model: c, states (t + 1, 7), readings (t + 1, 7), mm and N.
+    learner: Hma, rng: np.random.Generator, actions: np.ndarray, context: np.ndarray, c: int
+) -> tuple[np.ndarray, np.ndarray]:
+    """A push of abstraction c from the generative model: states (t + 1, 7), readings (t + 1, 7), mm and N.
 
-    actions: (t, 2).  context: (2,).  abstraction: c, drawn from the belief before contact by default.
+    actions: (t, 2).  context: (2,).
     """
     steps = len(actions)
-    c = int(rng.choice(learner.n_abstractions, p=learner.first)) if abstraction is None else abstraction
     states = np.zeros((steps + 1, 7))
     belief = np.eye(learner.n_abstractions)[[c]]
     for t in range(steps):
         out = learner.predict(states[None, t], actions[None, t], context[None], belief)
         var = process_variance(out.var[0, c], learner.noise)
         states[t + 1] = out.mean[0, c] + np.sqrt(var) * rng.normal(size=7)
-    return c, states, states + np.sqrt(learner.noise) * rng.normal(size=states.shape)
+    return states, states + np.sqrt(learner.noise) * rng.normal(size=states.shape)

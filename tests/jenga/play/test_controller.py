@@ -9,17 +9,14 @@ from thesis_lib.jenga.learners.settings import BeliefSettings
 from thesis_lib.jenga.play.controller import Learned, branch_costs, rollout
 from thesis_lib.jenga.play.policies import Push, Retract
 from thesis_lib.jenga.play.settings import ControllerSettings
-from thesis_lib.jenga.robot.samples import STATE
+from thesis_lib.jenga.robot.samples import ADVANCE, F_N, TOWER, YAW, X, Y
 
-X, Y, YAW, F_N, F_T, ADVANCE, TOWER = range(len(STATE))
 CONTEXT = np.array([8.0, 1.0])
 SETTINGS = ControllerSettings()
 
 
 class MadeLearner:
     """Abstraction 0: the block goes along and can be steered; 1: the force climbs and the tower is dragged."""
-
-    name = "made"
 
     def __init__(self, first=(0.5, 0.5), drag: float = 0.8, stuck_named: bool = True):
         self.first, self.drag = np.array(first), drag
@@ -146,15 +143,6 @@ def test_it_does_not_steer_without_reason():
     assert controller().act(np.zeros(7), CONTEXT) == Push(0.0, 0.0)
 
 
-def test_the_term_of_no_move_ends_a_push_that_nothing_else_would():
-    """With a tower that is not dragged and no price on progress only the belief tells."""
-    learner = MadeLearner(drag=0.0)
-    without = {"progress": 0.0, "no_move": 0.0}
-    assert push_of(1, controller(learner, **without)) == 30
-    assert push_of(1, controller(learner, **(without | {"no_move": 4.0}))) < 10
-    assert push_of(0, controller(learner, **(without | {"no_move": 4.0}))) == 30
-
-
 class MadeNetwork(MadeLearner):
     """One prediction: the block goes along until the force has climbed, then it stands and drags nothing."""
 
@@ -167,11 +155,15 @@ class MadeNetwork(MadeLearner):
         return PushPrediction(mean, np.full_like(mean, 0.01), belief)
 
 
+@pytest.mark.parametrize("learner", [MadeLearner(drag=0.0), MadeNetwork()], ids=["belief", "prediction"])
+def test_the_term_of_no_move_ends_a_push_that_nothing_else_would(learner):
+    """With a tower that is not dragged and no price on progress only the belief tells, or the network's prediction."""
+    assert push_of(1, controller(learner, progress=0.0, no_move=0.0)) == 30
+    assert push_of(1, controller(learner, progress=0.0, no_move=4.0)) < 10
+    assert push_of(0, controller(learner, progress=0.0, no_move=4.0)) == 30
+
+
 def test_a_network_says_by_its_prediction_that_a_block_does_not_move():
-    without = {"progress": 0.0, "no_move": 0.0}
-    assert push_of(1, controller(MadeNetwork(), **without)) == 30
-    assert push_of(1, controller(MadeNetwork(), **(without | {"no_move": 4.0}))) < 10
-    assert push_of(0, controller(MadeNetwork(), **(without | {"no_move": 4.0}))) == 30
     network, state = MadeNetwork(), np.zeros(7)
     belief = network.initial_belief(CONTEXT[None])[0]
     assert no_move(network, belief, state, CONTEXT) < 0.06  # the tower is not seen better
@@ -202,7 +194,7 @@ def test_sequences_keep_within_limits_and_hold_the_straight_push():
     assert sequences.shape == (64, 4, 2)
     assert (np.abs(sequences) <= [SETTINGS.offset, SETTINGS.heading]).all()
     assert (sequences == 0.0).all(axis=(1, 2)).any()
-    policy.contact = 3.0
+    policy.observe(np.zeros(7), Push(3.0, 0.0), np.zeros(7))
     assert (policy.sequences()[0] == [3.0, 0.0]).all()
     assert controller(sequences=3, horizon=1).sequences().shape == (3, 1, 2)
 

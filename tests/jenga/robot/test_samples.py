@@ -3,36 +3,32 @@
 from dataclasses import replace
 
 import numpy as np
+import pandas as pd
 import pytest
+from pushes_for_tests import make_samples
 
 from thesis_lib.foundation.errors import UserError
-from thesis_lib.jenga.robot.samples import ENOUGH, RANGE, STATE, PushSamples, join, read_samples, write_samples
+from thesis_lib.jenga.robot.samples import (
+    ENOUGH,
+    F_N,
+    RANGE,
+    TOWER,
+    PushSamples,
+    as_table,
+    join,
+    read_samples,
+    write_samples,
+)
 
 
 def _samples(n: int = 12, seed: int = 0) -> PushSamples:
-    rng = np.random.default_rng(seed)
-    state = rng.uniform(0.0, 3.0, (n, len(STATE)))
-    return PushSamples(
-        push=np.arange(n) // 4,
-        step=np.arange(n) % 4,
-        state=state,
-        action=rng.uniform(-0.5, 0.5, (n, 2)),
-        next_state=state + 0.1,
-        context=np.column_stack([rng.integers(3, 18, n), rng.integers(0, 2, n)]),
-        truth=rng.integers(-1, 2, n),
-        tower=np.full(n, 3),
-        block=np.arange(n),
-    )
+    return make_samples(n, np.random.default_rng(seed), retract=0.3)[0]
 
 
 def test_a_file_gives_back_what_was_written(tmp_path):
     samples = _samples()
     write_samples(samples, tmp_path / "s.csv")
-    back = read_samples(tmp_path / "s.csv")
-    for name in ("push", "step", "truth", "tower", "block"):
-        assert np.array_equal(getattr(back, name), getattr(samples, name)), name
-    for name in ("state", "action", "next_state", "context"):
-        assert np.allclose(getattr(back, name), getattr(samples, name), rtol=1e-8), name
+    pd.testing.assert_frame_equal(as_table(read_samples(tmp_path / "s.csv")), as_table(samples), rtol=1e-8)
 
 
 @pytest.mark.parametrize("value", [np.nan, np.inf, RANGE["tower"][1] + 0.1])
@@ -40,42 +36,33 @@ def test_a_file_gives_back_what_was_written(tmp_path):
 def test_rows_of_a_fallen_tower_are_refused(which, value):
     samples = _samples()
     values = getattr(samples, which).copy()
-    values[7, STATE.index("tower")] = value
-    with pytest.raises(UserError, match=r"row 7.*push 1.*fallen"):
+    values[7, TOWER] = value
+    with pytest.raises(UserError, match=r"row 7.*fallen"):
         replace(samples, **{which: values})
 
 
 def test_a_spoilt_file_is_refused_when_read(tmp_path):
-    write_samples(_samples(), tmp_path / "s.csv")
-    text = (tmp_path / "s.csv").read_text().splitlines()
-    cells = text[3].split(",")
-    cells[text[0].split(",").index("n_tower")] = "120.0"
-    text[3] = ",".join(cells)
-    (tmp_path / "s.csv").write_text("\n".join(text) + "\n")
+    as_table(_samples()).replace({"n_tower": {_samples().next_state[2, TOWER]: 120.0}}).to_csv(tmp_path / "s.csv")
     with pytest.raises(UserError, match=r"tower = 120"):
         read_samples(tmp_path / "s.csv")
 
 
 def test_a_data_set_in_which_nothing_resists_is_refused(tmp_path):
     samples = _samples(ENOUGH)
-    forceless = samples.next_state.copy()
-    forceless[:, STATE.index("f_n")] = 0.05
+    samples.next_state[:, F_N] = 0.05
     with pytest.raises(UserError, match="empty or had exploded"):
-        write_samples(replace(samples, next_state=forceless), tmp_path / "s.csv")
+        write_samples(samples, tmp_path / "s.csv")
 
 
-def test_first_keeps_the_order_and_refuses_more_than_there_is():
+def test_more_samples_than_there_are_and_arrays_of_unequal_length_are_refused():
     samples = _samples()
-    assert np.array_equal(samples.first(5).block, np.arange(5))
+    assert np.array_equal(samples.first(5).state, samples.state[:5])
     with pytest.raises(UserError, match="13 samples"):
         samples.first(13)
+    with pytest.raises(UserError, match="shape"):
+        replace(samples, action=np.zeros((3, 2)))
 
 
 def test_joined_towers_keep_their_pushes_apart():
-    joined = join([_samples(8), _samples(4, seed=1)])
-    assert joined.push.tolist() == [0] * 4 + [1] * 4 + [2] * 4
-
-
-def test_arrays_of_unequal_length_are_refused():
-    with pytest.raises(UserError, match="shape"):
-        replace(_samples(), action=np.zeros((3, 2)))
+    one, two = _samples(8), _samples(4, seed=1)
+    assert join([one, two]).push.tolist() == [*one.push, *(two.push + one.push[-1] + 1)]

@@ -45,7 +45,7 @@ def _push(learner: Hma, abstraction: int, steps: int):
     rng = np.random.default_rng(abstraction)
     actions = rng.uniform(-0.1, 0.1, (steps, 2))
     context = np.array([9.0, 0.0])
-    _, states, readings = sample_push(learner, rng, actions, context, abstraction)
+    states, readings = sample_push(learner, rng, actions, context, abstraction)
     readings[:, ADVANCE] = states[:, ADVANCE]
     return readings, actions, context
 

@@ -5,7 +5,7 @@ import pytest
 
 from thesis_lib.jenga.play.game import Game
 from thesis_lib.jenga.study.showcase import PICTURES, frames, straight_pushes
-from thesis_lib.jenga.tower.settings import RobotSettings, Setup
+from thesis_lib.jenga.tower.settings import Setup
 
 
 def test_frames_are_spread_over_the_game_and_begin_with_the_untouched_tower():
@@ -20,7 +20,7 @@ def test_frames_are_spread_over_the_game_and_begin_with_the_untouched_tower():
 
 @pytest.mark.slow
 def test_a_stuck_and_an_easy_block_are_found_and_differ():
-    pushes = straight_pushes(0, Setup(robot=RobotSettings(step_time=0.05)), 30, np.random.default_rng(0))
+    pushes = straight_pushes(0, Setup(), 30, np.random.default_rng(0))
     assert set(pushes) == {"stuck", "easy"}
     force = {case: push["readings"][5:, 3].mean() for case, push in pushes.items()}
     assert force["stuck"] > force["easy"]

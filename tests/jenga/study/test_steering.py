@@ -9,13 +9,13 @@ from thesis_lib.jenga.learners.learner import PushPrediction
 from thesis_lib.jenga.play.settings import ShowcaseChoice
 from thesis_lib.jenga.robot.samples import YAW, X, Y
 from thesis_lib.jenga.study.steering import steering_pushes, steering_summary, strayed_most
-from thesis_lib.jenga.tower.settings import RobotSettings, Setup
+from thesis_lib.jenga.tower.settings import Setup
 
 
 class Lever:
     """One abstraction that knows the lever arm: a push off the centre turns the block away from where it pushes."""
 
-    name, n_abstractions = "lever", 1
+    n_abstractions = 1
 
     def initial_belief(self, context):
         return np.ones((len(context), 1))
@@ -34,9 +34,7 @@ class Lever:
 @pytest.mark.slow
 def test_a_model_of_the_lever_arm_brings_blocks_back_that_were_pushed_off_their_centre():
     choice = ShowcaseChoice(steered_blocks=1)
-    steps, ends = steering_pushes(
-        Lever(), 1, Setup(robot=RobotSettings(step_time=0.05)), choice, np.random.default_rng(11)
-    )
+    steps, ends = steering_pushes(Lever(), 1, Setup(), choice, np.random.default_rng(11))
     assert len(ends) == 2 * 2 and ends["out"].all()
     stray = ends.pivot(index=["block", "edge"], columns="steered", values="stray")
     assert stray[1].mean() < 0.7 * stray[0].mean()

@@ -1,19 +1,19 @@
 """The study: who plays, what games say, and intervals that hold what they promise."""
 
+from dataclasses import replace
+
 import numpy as np
-import pandas as pd
 import pytest
 from pushes_for_tests import make_samples
 
 from thesis_lib.foundation.errors import UserError
+from thesis_lib.jenga.learners.settings import ExpertSettings, LearnerSettings, NetworkSettings
 from thesis_lib.jenga.play.controller import Learned
 from thesis_lib.jenga.play.game import Attempt, Game
-from thesis_lib.jenga.play.players import learner_of, policy_of
+from thesis_lib.jenga.play.players import policy_of
 from thesis_lib.jenga.play.settings import Chapter5
 from thesis_lib.jenga.study.study import games_table, needed_samples, paired, study_tables, success_table
 from thesis_lib.statistics.intervals import student_mean
-
-SETTINGS = Chapter5()
 
 
 def game(policy: str, tower: int, out: int, tried: int = 10, end: str = "all tried") -> Game:
@@ -28,14 +28,10 @@ def games(better: int = 2) -> list[tuple[int, Game]]:
     """HMA extracts `better` more than the rule on each of six towers that differ more than that."""
     found = []
     for i, tower in enumerate(range(100, 106)):
-        found += [
-            (100, game("hma", tower, 2 + i % 4 + better)),
-            (100, game("network", tower, 2 + i % 4)),
-            (100, game("mor", tower, 2 + i % 4)),
-            (1000, game("mor", tower, 2 + i % 4 + better)),
-            (0, game("rule", tower, 2 + i % 4)),
-            (0, game("exploration", tower, 1)),
-        ]
+        out = 2 + i % 4
+        more = [(100, game("hma", tower, out + better)), (1000, game("mor", tower, out + better))]
+        same = [(size, game(name, tower, out)) for size, name in ((100, "network"), (100, "mor"), (0, "rule"))]
+        found += [*more, *same, (0, game("exploration", tower, 1))]
     return found
 
 
@@ -71,8 +67,9 @@ def test_a_refused_game_is_counted_and_no_score():
 
 
 def test_successes_count_attempts_of_each_action_and_hold_the_published_ones():
-    tables = study_tables(games(), 100)
-    table = success_table(tables["attempts"], 100).set_index(["phase", "position", "action"])
+    attempts = study_tables(games(), 100)["attempts"]
+    assert len(attempts) == 36 * 10 and {"policy", "size", "tower", "block"} <= set(attempts)
+    table = success_table(attempts, 100).set_index(["phase", "position", "action"])
     tried = table.loc[("learned", "all", "push")]
     assert tried["attempts"] == 60 and tried["successes"] == sum(4 + i % 4 for i in range(6))
     assert table.loc[("learned", "all", "extract"), "share"] == 1.0
@@ -86,39 +83,17 @@ def test_policies_by_name():
     samples, _ = make_samples(120, np.random.default_rng(0))
     rng = np.random.default_rng(1)
     for name in ("rule", "always_push", "exploration", "oracle"):
-        assert policy_of(name, None, 0, SETTINGS, rng).name == name
-    quick = SETTINGS.model_copy(
-        update={
-            "learner": SETTINGS.learner.model_copy(
-                update={"network": SETTINGS.learner.network.model_copy(update={"iterations": 50})}
-            )
-        }
-    )
-    policy = policy_of("hma_without_cost", samples, 100, quick, rng)
-    assert isinstance(policy, Learned) and policy.name == "hma_without_cost"
-    assert policy.settings.no_move == 0.0
-    for name, charged in (("mor", False), ("mor_with_cost", True), ("network", False), ("network_with_cost", True)):
-        policy = policy_of(name, samples, 100, quick, rng)
-        assert policy.name == name and bool(policy.settings.no_move) == charged
+        assert policy_of(name, None, 0, Chapter5(), rng).name == name
+    quick = Chapter5(learner=LearnerSettings(network=NetworkSettings(iterations=50), experts=ExpertSettings(most=2)))
+    changed = replace(samples, next_state=samples.next_state + (np.arange(120) >= 100)[:, None])  # not learned from
+    names = ["mor", "network", "hma_without_cost", "mor_with_cost", "network_with_cost"]
+    for i, name in enumerate(names):
+        one, two = (policy_of(name, each, 100, quick, np.random.default_rng(2)) for each in (samples, changed))
+        assert isinstance(one, Learned) and one.name == name and bool(one.settings.no_move) == (i > 2)
+        state = (samples.state[:5], samples.action[:5], samples.context[:5])
+        predicted = [each.learner.predict(*state, each.learner.initial_belief(state[2])).mean for each in (one, two)]
+        np.testing.assert_array_equal(*predicted)
     with pytest.raises(UserError, match="100000 samples"):
         policy_of("hma", samples, 100_000, quick, rng)
     with pytest.raises(UserError, match="no learner oracles"):
         policy_of("oracles", samples, 50, quick, rng)
-
-
-def test_learners_learn_from_the_first_samples_only():
-    samples, _ = make_samples(150, np.random.default_rng(0))
-    changed = samples.select(np.arange(len(samples)))
-    changed.next_state[100:] += 1.0
-    one, two = (
-        learner_of("mor", SETTINGS).fit(part.first(100), np.random.default_rng(2)) for part in (samples, changed)
-    )
-    state = (samples.state[:5], samples.action[:5], samples.context[:5])
-    belief = one.initial_belief(samples.context[:5])
-    assert one.predict(*state, belief).mean == pytest.approx(two.predict(*state, belief).mean)
-
-
-def test_tables_have_a_row_per_block_tried():
-    attempts = study_tables(games(), 100)["attempts"]
-    assert len(attempts) == 36 * 10
-    assert isinstance(attempts, pd.DataFrame) and {"policy", "size", "tower", "block"} <= set(attempts)

@@ -10,7 +10,7 @@ from thesis_lib.foundation.errors import UserError
 from thesis_lib.foundation.files import read_table, write_table
 from thesis_lib.jenga.study import tower_study
 from thesis_lib.jenga.study.tower_study import fidelity, movable_shares, movable_summary, scan_tower
-from thesis_lib.jenga.tower.settings import MovableSettings, RobotSettings, Setup
+from thesis_lib.jenga.tower.settings import MovableSettings, Setup
 from thesis_lib.jenga.tower.tower import TowerError
 
 
@@ -79,7 +79,7 @@ def halved(setup: Setup) -> bool:
 
 @pytest.mark.slow
 def test_simulators_agree_on_a_few_blocks():
-    setup = Setup(robot=RobotSettings(step_time=0.05))
+    setup = Setup()
     scan = scan_tower(0, 2, setup)
     assert len(scan) == 2 and scan["layer"].nunique() == 2
     table = fidelity(scan, setup, compared=45).set_index(["comparison", "quantity"])["value"]

@@ -35,7 +35,7 @@ All of these are own choices: the thesis judges abstractions by eye (figure 5-8)
 """
 
 from copy import copy
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 import pandas as pd
@@ -52,6 +52,7 @@ from thesis_lib.jenga.robot.samples import F_N, FREE, STATE, STUCK, TOWER, UNKNO
 PLAUSIBLE = 0.05  # belief below which an abstraction cannot explain a sample
 LEVEL = 0.05  # of the predictive check, for a push and for all together
 PERMUTATIONS, RESAMPLES = 2000, 1000
+FIRST = 5  # samples of a push from which stuck or free is decided
 ENOUGH = 20  # reference pushes: with fewer, no p-value of a push can reach the level
 
 
@@ -76,7 +77,7 @@ def no_move(
     return float(1.0 - (1.0 - still * forced) * (1.0 - drags))
 
 
-def infer_first_steps(learner: Learner, samples: PushSamples, steps: int = 5) -> tuple[np.ndarray, np.ndarray]:
+def infer_first_steps(learner: Learner, samples: PushSamples, steps: int = FIRST) -> tuple[np.ndarray, np.ndarray]:
     """First row (m,) of each push with `steps` samples or more, and the belief (m, K) after them; UserError if none."""
     rows = np.array([rows[:steps] for rows in push_groups(samples) if len(rows) >= steps])
     if not len(rows):
@@ -85,8 +86,8 @@ def infer_first_steps(learner: Learner, samples: PushSamples, steps: int = 5) ->
     return rows[:, 0], belief
 
 
-def agreement(learner: Hma, samples: PushSamples, rng: np.random.Generator, steps: int = 5) -> dict[str, float | int]:
-    """How well the first `steps` samples of a push tell stuck from free.
+def agreement(learner: Hma, samples: PushSamples, rng: np.random.Generator) -> dict[str, float | int]:
+    """How well the first `FIRST` samples of a push tell stuck from free.
 
     balanced_accuracy with low and high (95 %), rand_index, n_stuck, n_free (pushes).  UserError if no push of known
     truth is long enough, or all have the same truth.
@@ -94,7 +95,7 @@ def agreement(learner: Hma, samples: PushSamples, rng: np.random.Generator, step
     from sklearn.metrics import adjusted_rand_score
 
     known = samples.select(samples.truth != UNKNOWN)
-    rows, belief = infer_first_steps(learner, known, steps)
+    rows, belief = infer_first_steps(learner, known)
     truth = known.truth[rows]
     called = belief[:, stuck_group(learner)].sum(axis=1) > 0.5
     right = {kind: (called == (kind == STUCK))[truth == kind].astype(float) for kind in (FREE, STUCK)}
@@ -134,29 +135,15 @@ def residuals(learner: Learner, samples: PushSamples) -> tuple[np.ndarray, np.nd
     return residual, nearest
 
 
-@dataclass(frozen=True)
-class PredictiveCheck:
-    """Which pushes the learned abstractions do not explain.
-
-    pushes: a row per push: push, tower, block, layer, side, steps, distance (D), p_value, fails, abstraction (most
-    frequent), worst (the dimension of the state with the largest term of D²).  by_abstraction: a row per abstraction
-    used: name, pushes, number of failures, mean distance.  p_value: of all pushes together.  new_abstraction: whether
-    one is needed.
-    """
-
-    pushes: pd.DataFrame
-    by_abstraction: pd.DataFrame
-    p_value: float
-    new_abstraction: bool
-
-
 def predictive_check(
     learner: Learner, samples: PushSamples, reference: PushSamples, rng: np.random.Generator
-) -> PredictiveCheck:
-    """Compare predictions with new samples; `reference` are samples of the known tower that were not learned from.
+) -> tuple[pd.DataFrame, float]:
+    """Which pushes the learned abstractions do not explain, and the p-value of all pushes together.
 
-    A new abstraction is needed if all pushes together deviate too much (p_value below `LEVEL`).  UserError for fewer
-    than `ENOUGH` reference pushes.
+    A row per push: push, tower, block, layer, side, steps, distance (D), p_value, fails, abstraction (most frequent),
+    worst (the dimension of the state with the largest term of D²).  `reference` are samples of the known tower that
+    were not learned from.  A new abstraction is needed if all pushes together deviate too much (p-value below `LEVEL`).
+    UserError for fewer than `ENOUGH` reference pushes.
     """
     known, reference_values, within = _per_push(learner, reference)
     if len(known) < ENOUGH:
@@ -181,14 +168,7 @@ def predictive_check(
     table["fails"] = (table["p_value"] <= LEVEL).astype(int)
     both = np.concatenate([table["distance"], known["distance"]]) ** 2
     shuffled = rng.permuted(np.tile(both, (PERMUTATIONS, 1)), axis=1)[:, : len(table)].sum(axis=1)
-    overall = float((1 + (shuffled >= (table["distance"] ** 2).sum()).sum()) / (1 + PERMUTATIONS))
-    names = getattr(learner, "names", [str(k) for k in range(learner.n_abstractions)])
-    by = (
-        table.groupby("abstraction", as_index=False)
-        .agg(pushes=("push", "size"), failed=("fails", "sum"), distance=("distance", "mean"))
-        .assign(name=lambda part: [names[k] for k in part["abstraction"]])
-    )
-    return PredictiveCheck(table, by, overall, bool(overall < LEVEL))
+    return table, float((1 + (shuffled >= (table["distance"] ** 2).sum()).sum()) / (1 + PERMUTATIONS))
 
 
 def _square(

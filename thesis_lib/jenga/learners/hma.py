@@ -20,7 +20,6 @@ Source: thesis, sections 5.3.1 and 5.3.2; own choices in `settings`.
 """
 
 from copy import copy
-from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -33,6 +32,7 @@ from thesis_lib.jenga.learners.learner import (
     bayes,
     log_likelihood,
     mix,
+    push_groups,
     step_features,
     windows,
 )
@@ -44,24 +44,19 @@ FIRST_STEP = 0.5  # mm of advance, below which the state does not yet tell block
 PRIOR_PUSHES = 2.0  # weight of π in the initial belief, in pushes
 
 
-@dataclass
 class Hma(Learner):
     """The learner of the thesis.
 
     Once fitted: mixture (None in one shot), networks; noise, the diagonal of Σ_z (7,), mm² and N²; resp (n, K), p(c |
-    push) of the training samples; shares π (K,); first (K,), belief before contact; look and names of the abstractions,
-    from `mixture.describe` and `mixture.names_of`.
+    push) of the training samples; look and names of the abstractions, from `mixture.describe` and `mixture.names_of`.
     """
 
-    name: str = "hma"
-
-    mixture: WindowMixture | None = field(init=False, repr=False, default=None)
-    networks: BayesianNetworks = field(init=False, repr=False)
-    noise: np.ndarray = field(init=False, repr=False)
-    resp: np.ndarray = field(init=False, repr=False)
-    first: np.ndarray = field(init=False, repr=False)
-    look: dict[str, np.ndarray] = field(init=False, repr=False)
-    names: list[str] = field(init=False, repr=False)
+    mixture: WindowMixture | None = None
+    networks: BayesianNetworks
+    noise: np.ndarray
+    resp: np.ndarray
+    look: dict[str, np.ndarray]
+    names: list[str]
 
     def fit(self, samples: PushSamples, rng: np.random.Generator) -> "Hma":
         """Run the steps of the module.  Errors as in `Learner.fit`."""
@@ -78,7 +73,7 @@ class Hma(Learner):
         self.shares = (self.resp.sum(axis=0) + 1.0) / (len(samples) + self.resp.shape[1])
         self.noise = self._noise(samples)
         # P(c_1): counts over first samples of pushes, with π as a prior worth `PRIOR_PUSHES` pushes
-        first = np.concatenate([[True], samples.push[1:] != samples.push[:-1]])
+        first = [rows[0] for rows in push_groups(samples)]
         counts = self.resp[first].sum(axis=0) + PRIOR_PUSHES * self.shares
         self.first = counts / counts.sum()
         self.look = describe(features, self.resp, config.window.force_scale)
@@ -92,10 +87,10 @@ class Hma(Learner):
         config, k = self.settings, self.settings.mixture.max_abstractions
         _, push = np.unique(samples.push, return_inverse=True)
         self.resp = rng.dirichlet(np.full(k, 0.5), push.max() + 1)[push]
-        steps = max(1, config.network.iterations // config.rounds)
+        short = config.network.model_copy(update={"iterations": max(1, config.network.iterations // config.rounds)})
         nets = None
         for _ in range(config.rounds):
-            nets = train(inputs, outputs, self.resp, config.network, seed, nets, steps)
+            nets = train(inputs, outputs, self.resp, short, seed, nets)
             mean, var = nets.predict(inputs)
             log_like = log_likelihood(mean, var(), outputs, config.belief)
             shares = (self.resp.sum(axis=0) + 1.0) / (len(inputs) + k)
@@ -140,10 +135,6 @@ class Hma(Learner):
         other = copy(self)
         other.networks = self.networks.at_mean()
         return other
-
-    def initial_belief(self, context: np.ndarray) -> np.ndarray:
-        """Belief (n, K) before contact."""
-        return np.tile(self.first, (len(context), 1))
 
     def update(
         self, belief: np.ndarray, state: np.ndarray, action: np.ndarray, context: np.ndarray, next_state: np.ndarray

@@ -28,7 +28,7 @@ Source: thesis, section 5.3 and figure 5-3; N. Fazeli et al. 2019, doi 10.1126/s
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, Self
 
@@ -116,15 +116,18 @@ class Scaling:
         return state + self.drift + self.change * outputs
 
 
-@dataclass
 class Learner(ABC):
-    """A learner of the push dynamics.  After `fit` it has `scaling` and the `shares` (K,) of its abstractions."""
+    """A learner of the push dynamics.
 
-    settings: LearnerSettings = field(default_factory=LearnerSettings)
-    name: str = ""
+    After `fit` it has `scaling`, the `shares` (K,) of its abstractions, and `first` (K,), the belief before contact.
+    """
 
-    scaling: Scaling = field(init=False, repr=False)
-    shares: np.ndarray = field(init=False, repr=False)
+    scaling: Scaling
+    shares: np.ndarray
+    first: np.ndarray
+
+    def __init__(self, settings: LearnerSettings | None = None):
+        self.settings = settings or LearnerSettings()
 
     @property
     def n_abstractions(self) -> int:
@@ -146,8 +149,8 @@ class Learner(ABC):
         """Next reading for each abstraction; rows (n, ·) as in the module's table, context (n, 2)."""
 
     def initial_belief(self, context: np.ndarray) -> np.ndarray:
-        """Belief (n, K) before contact: the shares."""
-        return np.tile(self.shares, (len(context), 1))
+        """Belief (n, K) before contact."""
+        return np.tile(self.first, (len(context), 1))
 
     def update(
         self, belief: np.ndarray, state: np.ndarray, action: np.ndarray, context: np.ndarray, next_state: np.ndarray

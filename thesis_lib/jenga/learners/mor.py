@@ -13,7 +13,7 @@ Source: thesis, section 5.5.2; Jordan and Jacobs 1994, doi 10.1162/neco.1994.6.2
 """
 
 from collections.abc import Iterable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.special import log_softmax
@@ -123,7 +123,6 @@ def _maximise(x: np.ndarray, y: np.ndarray, resp: np.ndarray, gate: np.ndarray, 
     return Experts(w, np.maximum(var, SMALLEST_VAR), gate - gate.mean(axis=0))
 
 
-@dataclass
 class Mor(Learner):
     """Mixture of linear regressions; its abstractions are the experts.
 
@@ -131,11 +130,9 @@ class Mor(Learner):
     expert, as `mixture.describe` tells it, by its share in the training samples.
     """
 
-    name: str = "mor"
-
-    experts: Experts = field(init=False, repr=False)
-    scores: dict[int, float] = field(init=False, repr=False)
-    look: dict[str, np.ndarray] = field(init=False, repr=False)
+    experts: Experts
+    scores: dict[int, float]
+    look: dict[str, np.ndarray]
 
     def fit(self, samples: PushSamples, rng: np.random.Generator) -> "Mor":
         """Choose the number of experts and fit them.  Errors as in `Learner.fit`."""
@@ -147,7 +144,7 @@ class Mor(Learner):
         self.scores = {k: float(score.sum()) / len(y) for k, score in scores.items()}
         best = max(self.scores, key=self.scores.get)
         self.experts = em(x, y, best, config, rng)
-        self.shares = np.exp(self.experts.log_gate(x)).mean(axis=0)
+        self.shares = self.first = np.exp(self.experts.log_gate(x)).mean(axis=0)
         resp = np.exp(log_softmax(self.experts.log_joint(x, y), axis=1))
         self.look = describe(windows(samples, self.settings.window), resp, self.settings.window.force_scale)
         return self

@@ -25,6 +25,7 @@ is 1.  Source: thesis, section 5.5.2, which gives no sizes.
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 import torch
@@ -52,7 +53,7 @@ def layer_shapes(n_inputs: int, hidden: tuple[int, ...]) -> list[tuple[int, int]
 
 def _affine(x: torch.Tensor, w: torch.Tensor) -> torch.Tensor:
     """x (…, n, in) times weights (…, in + 1, out); the last row is the bias."""
-    return x @ w[..., :-1, :] + w[..., -1:, :]
+    return torch.matmul(x, w[..., :-1, :]).add_(w[..., -1:, :])
 
 
 def forward(x: torch.Tensor, layers: Layers) -> tuple[torch.Tensor, torch.Tensor]:
@@ -65,16 +66,15 @@ def outputs_of(x: torch.Tensor, layers: Layers) -> torch.Tensor:
     """Outputs that `forward` parts and clamps, (…, n, 14)."""
     h = x
     for w in layers[:-2]:
-        h = torch.matmul(h, w[..., :-1, :]).add_(w[..., -1:, :]).tanh_()
-    out = torch.matmul(h, layers[-2][..., :-1, :]).add_(layers[-2][..., -1:, :])
-    return out.add_(torch.matmul(x, layers[-1][..., :-1, :]).add_(layers[-1][..., -1:, :]))
+        h = _affine(h, w).tanh_()
+    return _affine(h, layers[-2]).add_(_affine(x, layers[-1]))
 
 
-def soft_clamp(log_var: torch.Tensor) -> torch.Tensor:
-    """Log variance confined smoothly to `LOG_VAR`."""
+def soft_clamp(log_var: Any, xp: Any = torch) -> Any:
+    """Log variance confined smoothly to `LOG_VAR`; `xp` is torch or a library with its tanh."""
     low, high = LOG_VAR
     middle, half = 0.5 * (low + high), 0.5 * (high - low)
-    return middle + half * torch.tanh((log_var - middle) / half)
+    return middle + half * xp.tanh((log_var - middle) / half)
 
 
 def _local(x: torch.Tensor, mean: torch.Tensor, std: torch.Tensor, gen: torch.Generator) -> torch.Tensor:
@@ -153,16 +153,13 @@ def train(
     settings: NetworkSettings,
     seed: int,
     start: BayesianNetworks | None = None,
-    iterations: int | None = None,
 ) -> BayesianNetworks:
     """Networks that minimise the module's loss.
 
-    inputs: x (n, d).  outputs: Δ (n, 7).  resp: r (n, K).  start: networks to continue.  iterations: default the
-    settings'.
+    inputs: x (n, d).  outputs: Δ (n, 7).  resp: r (n, K).  start: networks to continue.
     """
     gen = torch.Generator().manual_seed(seed)
     k, n = resp.shape[1], len(inputs)
-    steps = settings.iterations if iterations is None else iterations
     x, y, r = (torch.as_tensor(a, dtype=torch.float32) for a in (inputs, outputs, resp))
     shapes = layer_shapes(x.shape[1], settings.hidden)
     scales = [1.0 / np.sqrt(rows) for rows, _ in shapes]
@@ -191,7 +188,7 @@ def train(
         anneal = min(1.0, share / settings.warm_up) if settings.warm_up > 0 and start is None else 1.0
         return (fit + anneal * divergence(shared, mean, log_std, scales, settings)) / n
 
-    descend([*shared, *mean, *log_std], loss, settings.rate, steps)
+    descend([*shared, *mean, *log_std], loss, settings.rate, settings.iterations)
     nets = BayesianNetworks(settings, *([w.detach() for w in ws] for ws in (mean, log_std, shared)))
     nets.redraw(gen)
     return nets
@@ -230,17 +227,14 @@ def train_plain(inputs: np.ndarray, outputs: np.ndarray, settings: NetworkSettin
     return [w.detach() for w in layers]
 
 
-@dataclass
 class Network(Learner):
     """Feed-forward network with K = 1.  Once fitted: layers (see the module)."""
 
-    name: str = "network"
-
-    layers: Layers = field(init=False, repr=False)
+    layers: Layers
 
     def fit(self, samples: PushSamples, rng: np.random.Generator) -> "Network":
         """Train by the module's loss.  Errors as in `Learner.fit`."""
-        self.shares = np.ones(1)
+        self.shares = self.first = np.ones(1)
         self.layers = train_plain(*self.scale(samples), self.settings.network, int(rng.integers(2**31)))
         return self
 

@@ -85,12 +85,11 @@ def branch_costs(states: np.ndarray, settings: ControllerSettings) -> np.ndarray
 class Learned(Policy):
     """The controller on a fitted learner, as a `policies.Policy`.
 
-    name: default the learner's.  belief: (K,), of the pushed block.
+    belief: (K,), of the pushed block.
     """
 
-    def __init__(self, learner: Learner, settings: ControllerSettings | None = None, name: str | None = None):
-        self.learner, self.settings = learner, settings or ControllerSettings()
-        self.name = name or learner.name
+    def __init__(self, learner: Learner, settings: ControllerSettings | None = None, name: str = "learned"):
+        self.learner, self.settings, self.name = learner, settings or ControllerSettings(), name
         offsets = np.linspace(-self.settings.offset, self.settings.offset, OFFSETS)
         headings = np.linspace(-self.settings.heading, self.settings.heading, HEADINGS)
         self._held = np.array([(offset, heading) for offset in offsets for heading in headings])
@@ -106,12 +105,10 @@ class Learned(Policy):
         best = int(np.argmin(costs))
         if self.steps >= self.settings.probe and costs[best] > self.settings.give_up:
             return Retract()
-        offset, heading = sequences[best, 0]
-        self.contact = float(offset)
-        return Push(float(offset), float(heading))
+        return Push(*map(float, sequences[best, 0]))
 
     def observe(self, state: np.ndarray, action: Push, next_state: np.ndarray) -> None:
-        self.steps += 1
+        self.steps, self.contact = self.steps + 1, action.offset
         step = (state[None], np.array([[action.offset, action.heading]]), self.context[None])
         self.belief = self.learner.update(self.belief[None], *step, next_state[None])[0]
 

@@ -14,6 +14,7 @@ a retreat does not break the row, and damage costs the block without ending the 
 `refused` game, which is counted but has no score.
 """
 
+from collections.abc import Callable
 from dataclasses import asdict, dataclass, field, fields
 from pathlib import Path
 
@@ -25,7 +26,7 @@ from thesis_lib.foundation.files import read_json, write_json
 from thesis_lib.jenga.play.policies import Policy, Retract
 from thesis_lib.jenga.robot.movable import hidden_label
 from thesis_lib.jenga.robot.primitives import FELL_FROM_TOP, Gripper
-from thesis_lib.jenga.robot.robot import Robot, Sensor
+from thesis_lib.jenga.robot.robot import Robot
 from thesis_lib.jenga.robot.samples import F_N, MM, TOWER, UNKNOWN
 from thesis_lib.jenga.tower.settings import Setup
 from thesis_lib.jenga.tower.tower import REACHABLE, TowerError, settled_tower
@@ -84,14 +85,12 @@ class Game:
     @property
     def extractions(self) -> int:
         """The score; UserError if the game was refused."""
-        self._must_count()
-        return sum(attempt.pushed == 1 and attempt.extracted == 1 for attempt in self.attempts)
+        return self._count(lambda attempt: attempt.pushed == 1 and attempt.extracted == 1)
 
     @property
     def placements(self) -> int:
         """Blocks placed with success.  Errors as in `extractions`."""
-        self._must_count()
-        return sum(attempt.placed == 1 for attempt in self.attempts)
+        return self._count(lambda attempt: attempt.placed == 1)
 
     def table(self) -> pd.DataFrame:
         """A row per block tried: policy, tower and the fields of `Attempt`."""
@@ -99,12 +98,13 @@ class Game:
         rows = pd.DataFrame([asdict(attempt) for attempt in self.attempts], columns=names)
         return rows.assign(policy=self.policy, tower=self.seed)[["policy", "tower", *names]]
 
-    def _must_count(self) -> None:
+    def _count(self, successful: Callable[[Attempt], bool]) -> int:
         if self.refused:
             raise UserError(
                 f"the game of {self.policy} on tower {self.seed} was refused ({self.error}): count it as such, or "
                 "leave the tower out for every policy."
             )
+        return sum(map(successful, self.attempts))
 
 
 class _Play:
@@ -127,7 +127,7 @@ class _Play:
             attempt.truth = hidden_label(tower, block, self.setup.movable)
         policy.start(block, context)
         noise = _stream(self.base_seed, self.seed, f"readings {block}")
-        robot = Robot(tower, Sensor(self.setup.sensing, noise))
+        robot = Robot(tower, self.setup.sensing, noise)
         attempt.reason = self._push(robot, attempt, context)
         distance, angle = tower.perturbation(block, robot.start_poses)
         attempt.damage = round(MM * distance, 4)
@@ -215,8 +215,8 @@ def play(
                 game.end = ended
                 break
     except TowerError as error:
-        # a collapse may be too violent for the solver: the tower toppled, it was not unusable
-        if playing is not None and np.isfinite(tower.data.qpos).all() and tower.fallen().size:
+        # after a collapse the tower toppled, it was not unusable
+        if playing is not None and tower.collapsed():
             game.end = TOPPLED
             game.attempts[-1].reason = TOPPLED
         else:

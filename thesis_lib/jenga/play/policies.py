@@ -64,6 +64,12 @@ def beyond(state: np.ndarray, settings: RuleSettings | SupervisorSettings) -> Re
     return Retract("tower moves") if state[TOWER] > settings.tower else None
 
 
+def explored(settings: CollectSettings, rng: np.random.Generator) -> tuple[float, float]:
+    """Contact (m) and heading (rad) of the base exploration policy, drawn anew."""
+    offset, heading = settings.offset, settings.heading
+    return float(rng.uniform(-offset, offset)), float(rng.uniform(-heading, heading))
+
+
 class AlwaysPush(Policy):
     """Pushes straight and centred and never gives up."""
 
@@ -109,5 +115,5 @@ class Exploration(Policy):
         return self.last
 
     def _draw(self) -> Push:
-        offset, heading = self.random.offset, self.random.heading
-        return Push(MM * float(self.rng.uniform(-offset, offset)), float(self.rng.uniform(-heading, heading)))
+        offset, heading = explored(self.random, self.rng)
+        return Push(MM * offset, heading)

@@ -25,7 +25,7 @@ import numpy as np
 
 from thesis_lib.jenga.play.policies import Action, Push, Retract
 from thesis_lib.jenga.play.settings import EpisodeSettings, RewardSettings
-from thesis_lib.jenga.robot.robot import Robot, Sensor
+from thesis_lib.jenga.robot.robot import Robot
 from thesis_lib.jenga.robot.samples import ACTION, CONTEXT, MM, STATE, X
 from thesis_lib.jenga.tower.settings import Setup
 from thesis_lib.jenga.tower.tower import LAYERS, REACHABLE, Snapshot, Tower, TowerError, reduce, settled_tower
@@ -121,9 +121,8 @@ class PushEnv(gymnasium.Env):
         try:
             _, self._reading = robot.push_step(asked.offset / MM, asked.heading)
         except TowerError:
-            # a collapse may be too violent for the solver: that is a fall; other breakdowns are not the policy's fault
-            fell = bool(np.isfinite(tower.data.qpos).all() and tower.fallen().size)
-            return self._end(-self.reward.fall, FELL) if fell else self._end(0.0, BROKEN)
+            # breakdowns other than a collapse are not the policy's fault
+            return self._end(-self.reward.fall, FELL) if tower.collapsed() else self._end(0.0, BROKEN)
         x = robot.state()[X]
         progress, self._x = x - self._x, x
         distance, angle = tower.perturbation(block, robot.start_poses)
@@ -150,7 +149,7 @@ class PushEnv(gymnasium.Env):
         block = int(self.np_random.choice(REACHABLE)) if block is None else block
         self._tower.load(self._settled)
         tower = reduce(self._tower, block)
-        self._robot = Robot(tower, Sensor(self.setup.sensing, self.np_random))
+        self._robot = Robot(tower, self.setup.sensing, self.np_random)
         self._reading = self._robot.start(block)
         self._context = tower.context(block)
         self._x, self._gained, self._samples = self._robot.state()[X], 0.0, 0

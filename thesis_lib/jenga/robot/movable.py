@@ -6,21 +6,18 @@ than the threshold, fixed so that about 47 % of the blocks of towers 0 to 4 are 
 movable_summary.csv).
 """
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable
 
 import numpy as np
 import pandas as pd
 
 from thesis_lib.jenga.robot.primitives import Gripper
-from thesis_lib.jenga.robot.robot import Robot, Sensor
+from thesis_lib.jenga.robot.robot import Robot
 from thesis_lib.jenga.robot.samples import F_N, FREE, STUCK, TOWER, X
-from thesis_lib.jenga.tower.settings import MovableSettings, SensingSettings
+from thesis_lib.jenga.tower.settings import MovableSettings
 from thesis_lib.jenga.tower.tower import REACHABLE, Tower
 
-
-def silent_robot(tower: Tower) -> Robot:
-    """A robot for pushes whose readings are not used."""
-    return Robot(tower, Sensor(SensingSettings(), np.random.default_rng(0)))
+SCAN = ["tower", "block", "layer", "side", "force", "moved", "others", "movable"]
 
 
 def trial_push(tower: Tower, block: int, steps: int) -> tuple[float, float, float]:
@@ -29,7 +26,7 @@ def trial_push(tower: Tower, block: int, steps: int) -> tuple[float, float, floa
     The tower is restored afterwards.  Errors as in `Robot.start`.
     """
     before = tower.save()
-    robot = silent_robot(tower)
+    robot = Robot(tower)
     robot.start(block)
     peak = 0.0
     for _ in range(steps):
@@ -58,38 +55,29 @@ def scan(tower: Tower, settings: MovableSettings, blocks: Iterable[int] = tuple(
         (tower.seed, block, tower.layer[block], int(tower.is_side(block)), *trial_push(tower, block, settings.steps))
         for block in map(int, blocks)
     ]
-    table = pd.DataFrame(rows, columns=["tower", "block", "layer", "side", "force", "moved", "others"])
+    table = pd.DataFrame(rows, columns=SCAN[:-1])
     return table.assign(movable=is_movable(table["moved"], table["others"], settings).astype(int))
 
 
-def fractions(table: pd.DataFrame, settings: MovableSettings, thresholds: Sequence[float]) -> pd.DataFrame:
-    """Share of movable blocks for each tower of a `scan` and threshold: tower, threshold_mm, share."""
-    rows = []
-    for threshold in thresholds:
-        varied = settings.model_copy(update={"threshold": 1e-3 * threshold})
-        movable = is_movable(table["moved"], table["others"], varied)
-        share = pd.Series(movable).groupby(table["tower"].to_numpy()).mean()
-        rows += [(seed, threshold, value) for seed, value in share.items()]
-    return pd.DataFrame(rows, columns=["tower", "threshold_mm", "share"])
-
-
 def comes_out(
-    tower: Tower, block: int, harmless: Callable[[], bool], offset: float = 0.0, heading: float = 0.0
+    tower: Tower, block: int, damage: Callable[[float, float], bool], offset: float = 0.0, heading: float = 0.0
 ) -> bool:
-    """Whether one push (m, rad), repeated, and the gripper extract a block while nothing falls and all is `harmless`.
+    """Whether one push (m, rad), repeated, and the gripper extract a block while nothing falls and nothing is damaged.
 
-    The tower is restored afterwards.  Errors as in `Robot.start`.
+    damage: whether it is, by the largest displacement (m) and turn (rad) of any other block.  The tower is restored
+    afterwards.  Errors as in `Robot.start`.
     """
-    before, iterations = tower.save(), tower.iterations_needed
-    robot, gripper = silent_robot(tower), Gripper(tower)
+    before, iterations, poses = tower.save(), tower.iterations_needed, tower.poses()
+    robot, gripper = Robot(tower), Gripper(tower)
     try:
         robot.start(block, offset)
         while not robot.reached_goal():
             robot.push_step(offset, heading)
-            if tower.fallen().size or not harmless() or (robot.at_end() and not robot.reached_goal()):
+            harmed = tower.fallen().size or damage(*tower.perturbation(block, poses))
+            if harmed or (robot.at_end() and not robot.reached_goal()):
                 return False
         robot.retract()
-        return gripper.extract(block).success and harmless()
+        return gripper.extract(block).success and not damage(*tower.perturbation(block, poses))
     finally:
         if gripper.held is not None:
             gripper.let_go()

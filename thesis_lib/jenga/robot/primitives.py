@@ -17,7 +17,7 @@ from thesis_lib.foundation.errors import UserError
 from thesis_lib.jenga.robot.robot import push_axes, way_out
 from thesis_lib.jenga.robot.samples import MM, RADIUS_OF_GYRATION
 from thesis_lib.jenga.tower.tower import PER_LAYER, Tower
-from thesis_lib.jenga.tower.tower_model import BLOCKS, OPEN, PARKED
+from thesis_lib.jenga.tower.tower_model import BLOCKS, HAND, JAWS, OPEN, PARKED
 
 GRASP = 10e-3  # m from the end of the block to the middle of the pads
 ROOM = 6e-3  # m off the middle, or of yaw·r_g, at which the open jaws still clear the block: three quarters of OPEN
@@ -26,8 +26,6 @@ CLOSING, OPENING, RESTING = 0.1, 0.1, 0.4  # s
 BEYOND = 5e-3  # m that the block is pulled beyond its length
 SLIPPED = 10e-3  # m that a block may move in the jaws before it counts as lost
 JAW = 16  # the jaws' bit of contype and conaffinity
-HAND = ("hand_x", "hand_y", "hand_z", "hand_turn")
-JAWS = ("jaw_left", "jaw_right")
 LOST, FELL_FROM_TOP = "lost from the jaws", "fell from the top"
 
 
@@ -48,7 +46,7 @@ class Gripper:
     def __init__(self, tower: Tower):
         self.tower, self.settings = tower, tower.robot_settings
         model = tower.model
-        self._drive = {name: tower.drive(name) for name in HAND + JAWS}
+        self._hand, self._jaws = tower.drives(HAND), tower.drives(JAWS)
         self._pads = np.flatnonzero(model.geom_contype == JAW)
         self._body = model.body("hand").id
         self.held: int | None = None
@@ -90,7 +88,7 @@ class Gripper:
         place = int(rng.choice(places))
         pose = self._target(block, layer, place)
         self._carry(pose)
-        self._command_jaws(OPEN)
+        tower.data.ctrl[self._jaws] = OPEN
         tower.simulate(OPENING)
         self.let_go()
         tower.simulate(RESTING)
@@ -105,10 +103,10 @@ class Gripper:
         self.held = block
         along, across, turned = self._error(rng)
         point = tower.position(block) + matrix @ [tower.sizes[block, 0] / 2.0 - GRASP + along, across, 0.0]
-        self._put_hand((*point, _turn(matrix) + turned))
+        tower.set_joints(HAND + JAWS, (*point, _turn(matrix) + turned, OPEN, OPEN))
         self._let_jaws_touch(block, True)
         mujoco.mj_forward(tower.model, tower.data)
-        self._command_jaws(SQUEEZE)
+        tower.data.ctrl[self._jaws] = SQUEEZE
         tower.simulate(CLOSING)
 
     def _error(self, rng: np.random.Generator | None) -> np.ndarray:
@@ -121,21 +119,13 @@ class Gripper:
         error = np.clip(sigma * rng.standard_normal(3), -fits, fits)
         return error / [1.0, 1.0, RADIUS_OF_GYRATION / MM]
 
-    def _put_hand(self, pose: tuple[float, ...]) -> None:
-        """Hand at x, y, z (m) and turn (rad), with open jaws, at rest."""
-        for name, value in zip(HAND + JAWS, (*pose, OPEN, OPEN)):
-            self.tower.set_joint(name, value)
-
-    def _command_jaws(self, target: float) -> None:
-        self.tower.data.ctrl[[self._drive[name] for name in JAWS]] = target
-
     def _let_jaws_touch(self, block: int, yes: bool) -> None:
         model, geom = self.tower.model, self.tower.core[block]
         for mask, row in ((model.geom_conaffinity, geom), (model.body_conaffinity, model.geom_bodyid[geom])):
             mask[row] = mask[row] | JAW if yes else mask[row] & ~JAW
 
     def _pull(self, way: np.ndarray, seconds: float) -> None:
-        drives = [self._drive[name] for name in HAND[:3]]
+        drives = self._hand[:3]
         start = self.tower.data.ctrl[drives].copy()
         # a cubic ramp starts and stops without a jerk
         steps = round(seconds / self.tower.settings.timestep)
@@ -182,13 +172,11 @@ class Gripper:
         spin = np.array([np.cos(turned / 2), 0.0, 0.0, np.sin(turned / 2)])
         cos, sin = np.cos(turned), np.sin(turned)
         rotate = np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]])
-        drives = [self._drive[name] for name in HAND]
-        hand = np.array([data.qpos[model.joint(name).qposadr[0]] for name in HAND])
-        stretch = data.ctrl[drives] - hand  # of the drives' springs, which is kept
+        hand = np.array([data.joint(name).qpos[0] for name in HAND])
+        stretch = data.ctrl[self._hand] - hand  # of the drives' springs, which is kept
         hand = np.append(rotate @ (hand[:3] - here) + pose[:3], hand[3] + turned)
-        for name, value in zip(HAND, hand):
-            tower.set_joint(name, value)
-        data.ctrl[drives] += stretch
+        tower.set_joints(HAND, hand)
+        data.ctrl[self._hand] += stretch
         joint = model.body_jntadr[model.geom_bodyid[tower.core[self.held]]]
         place, velocity = model.jnt_qposadr[joint], model.jnt_dofadr[joint]
         quaternion = np.empty(4)
@@ -200,7 +188,7 @@ class Gripper:
     def let_go(self) -> None:
         """Release the held block where it is, and park the hand."""
         self._let_jaws_touch(self.held, False)
-        self._put_hand((*PARKED, 0.0))
+        self.tower.set_joints(HAND + JAWS, (*PARKED, 0.0, OPEN, OPEN))
         mujoco.mj_forward(self.tower.model, self.tower.data)
         self.held = None
 

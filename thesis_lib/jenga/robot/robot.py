@@ -19,39 +19,30 @@ import mujoco
 import numpy as np
 
 from thesis_lib.foundation.errors import UserError
-from thesis_lib.jenga.robot.samples import MM, RADIUS_OF_GYRATION, STATE
+from thesis_lib.jenga.robot.samples import ADVANCE, F_N, F_T, MM, RADIUS_OF_GYRATION, STATE, TOWER, YAW, X, Y
 from thesis_lib.jenga.tower.settings import SensingSettings
 from thesis_lib.jenga.tower.tower import PER_LAYER, REACHABLE, Tower
-from thesis_lib.jenga.tower.tower_model import PARKED
+from thesis_lib.jenga.tower.tower_model import PARKED, TIP
 
 GAP = 1e-3  # m from the face at which an approach starts
 APPROACH = 0.2e-3  # m that the arm moves between checks for contact
 LIFT_TIME = 0.03  # s of each of the three moves of a re-contact
 
 
-def standard_deviations(advance: np.ndarray, settings: SensingSettings) -> np.ndarray:
-    """Standard deviations (..., 7) of `STATE`, mm and N, for advances (...), mm; 0 if the robot is told true states."""
-    advance = np.maximum(np.asarray(advance, dtype=float), 0.0)
-    if settings.exact:
-        return np.zeros((*advance.shape, len(STATE)))
-    falling = (settings.pose_first - settings.pose_last) * np.exp(-advance / (MM * settings.pose_length))
-    sigma = np.zeros((*advance.shape, len(STATE)))
-    sigma[..., :3] = MM * (settings.pose_last + falling)[..., None]
-    sigma[..., 3:5] = settings.force
-    sigma[..., STATE.index("tower")] = MM * settings.tower
+def standard_deviations(advance: float, settings: SensingSettings) -> np.ndarray:
+    """Standard deviations (7,) of `STATE`, mm and N, at an advance, mm; 0 if the robot is told true states."""
+    sigma = np.zeros(len(STATE))
+    if not settings.exact:
+        falling = (settings.pose_first - settings.pose_last) * np.exp(-max(advance, 0.0) / (MM * settings.pose_length))
+        sigma[[X, Y, YAW]] = MM * (settings.pose_last + falling)
+        sigma[[F_N, F_T]] = settings.force
+        sigma[TOWER] = MM * settings.tower
     return sigma
 
 
-class Sensor:
-    """Adds the noise of camera and force sensor."""
-
-    def __init__(self, settings: SensingSettings, rng: np.random.Generator):
-        self.settings, self.rng = settings, rng
-
-    def read(self, state: np.ndarray) -> np.ndarray:
-        """A reading z_t of the true state s_t, (7,), mm and N (`samples.STATE`)."""
-        sigma = standard_deviations(state[STATE.index("advance")], self.settings)
-        return state + sigma * self.rng.standard_normal(len(STATE))
+def reading(state: np.ndarray, settings: SensingSettings, rng: np.random.Generator) -> np.ndarray:
+    """A reading z_t of the true state s_t, (7,), mm and N (`samples.STATE`), by camera and force sensor."""
+    return state + standard_deviations(state[ADVANCE], settings) * rng.standard_normal(len(STATE))
 
 
 def push_axes(block: int) -> tuple[np.ndarray, np.ndarray]:
@@ -66,17 +57,20 @@ def way_out(tower: Tower, block: int) -> float:
 
 
 class Robot:
-    """Pushes blocks of one tower and reads the sensors.
+    """Pushes blocks of one tower and reads the sensors, whose noise comes from `rng`; without, it is told true states.
 
-    After `start(block)`: `touch(offset)` and `push(heading)` any number of times, then `retract()`.  Arguments are in
+    After `start(block)`: `push_step(offset, heading)` any number of times, then `retract()`.  Arguments are in
     m; `state` and `observe` are in mm.
     """
 
-    def __init__(self, tower: Tower, sensor: Sensor):
-        self.tower, self.sensor, self.settings = tower, sensor, tower.robot_settings
+    def __init__(
+        self, tower: Tower, sensing: SensingSettings | None = None, rng: np.random.Generator | None = None
+    ) -> None:
+        self.tower, self.settings = tower, tower.robot_settings
+        self.sensing, self.rng = sensing or SensingSettings(), rng
         self.block: int | None = None
         self._tip = tower.model.geom("tip").id
-        self._drives = [tower.drive(f"tip_{axis}") for axis in "xyz"]
+        self._drives = tower.drives(TIP)
         self._wrench = np.zeros(6)
         self._seen: np.ndarray | None = None
 
@@ -95,8 +89,7 @@ class Robot:
         self.start_poses = self.tower.poses()
         self.force, self.steps = np.zeros(3), 0
         point = self._tip_place(offset) - GAP * self.u
-        for axis, value in zip("xyz", point):
-            self.tower.set_joint(f"tip_{axis}", value)
+        self.tower.set_joints(TIP, point)
         mujoco.mj_forward(self.tower.model, self.tower.data)
         self.arm = point
         for _ in range(round(3.0 * GAP / APPROACH)):
@@ -123,23 +116,21 @@ class Robot:
         self._move(wanted + pressed * self.u, LIFT_TIME)
         return self._look()
 
-    def push(self, heading: float) -> np.ndarray:
-        """Advance by 1 mm with this heading (rad, 0 along the block); the reading afterwards, (7,)."""
+    def push_step(self, offset: float, heading: float) -> tuple[np.ndarray, np.ndarray]:
+        """Contact at `offset` (m), then 1 mm with this heading (rad, 0 along the block).
+
+        Readings after re-contact and after the advance, (7,) each.
+        """
+        before = self.touch(offset)
         self.steps += 1
         way = self.settings.step * (np.cos(heading) * self.u + np.sin(heading) * self.v)
         self._move(self.arm + way, self.settings.step_time)
-        return self._look()
-
-    def push_step(self, offset: float, heading: float) -> tuple[np.ndarray, np.ndarray]:
-        """Contact at `offset` (m), then 1 mm; readings after re-contact and after the advance, (7,) each."""
-        before = self.touch(offset)
-        return before, self.push(heading)
+        return before, self._look()
 
     def retract(self) -> None:
         """Lift the finger off the block and park it."""
         self._move(self.arm - (self._pressed() + self.settings.clearance) * self.u, 2 * LIFT_TIME)
-        for axis, value in zip("xyz", PARKED):
-            self.tower.set_joint(f"tip_{axis}", value)
+        self.tower.set_joints(TIP, PARKED)
         mujoco.mj_forward(self.tower.model, self.tower.data)
         self.block = None
 
@@ -165,7 +156,9 @@ class Robot:
         return max(self.force @ self.u, 0.0) / self.settings.stiffness
 
     def _look(self) -> np.ndarray:
-        self._seen = self.sensor.read(self.state())
+        self._seen = self.state()
+        if self.rng is not None:
+            self._seen = reading(self._seen, self.sensing, self.rng)
         return self._seen
 
     def _yaw(self) -> float:

@@ -25,6 +25,7 @@ ACTION = ("offset", "heading")
 CONTEXT = ("layer", "side")
 GROUPS = {"state": STATE, "action": ACTION, "next_state": STATE, "context": CONTEXT}  # of numbers in a sample
 FREE, STUCK, UNKNOWN = 0, 1, -1
+KINDS = {STUCK: "stuck", FREE: "easy"}  # what pushes of such blocks are called
 
 # Beyond what a push can give: the block has left the tower, or the tower has fallen.
 RANGE = {

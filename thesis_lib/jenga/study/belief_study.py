@@ -22,12 +22,11 @@ import pandas as pd
 from thesis_lib.jenga.learners.abstractions import stuck_group
 from thesis_lib.jenga.learners.hma import Hma
 from thesis_lib.jenga.learners.learner import log_likelihood, push_groups
-from thesis_lib.jenga.robot.samples import F_N, F_T, FREE, STUCK, TOWER, YAW, PushSamples, X, Y
+from thesis_lib.jenga.robot.samples import F_N, F_T, KINDS, STUCK, TOWER, YAW, PushSamples, X, Y
 from thesis_lib.jenga.study.model_study import filtered
 from thesis_lib.statistics.wording import ends
 
 FORCES, POSES = (F_N, F_T), (X, Y, YAW, TOWER)
-KINDS = {STUCK: "stuck", FREE: "easy"}
 EARLY = 3  # samples of the initial phase
 LATE = 5  # samples after which configurations count as informative; pushes without a later one tell nothing of it
 QUANTITIES = (

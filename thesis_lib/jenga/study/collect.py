@@ -14,10 +14,11 @@ from collections.abc import Sequence
 import numpy as np
 import pandas as pd
 
+from thesis_lib.jenga.play.policies import explored
 from thesis_lib.jenga.play.settings import SampleChoice, TowerChoice
 from thesis_lib.jenga.robot.movable import hidden_label
 from thesis_lib.jenga.robot.primitives import Gripper
-from thesis_lib.jenga.robot.robot import Robot, Sensor
+from thesis_lib.jenga.robot.robot import Robot
 from thesis_lib.jenga.robot.samples import F_N, MM, RANGE, STATE, TOWER, UNKNOWN, YAW, PushSamples, Y, join
 from thesis_lib.jenga.tower.settings import Setup
 from thesis_lib.jenga.tower.tower import REACHABLE, TowerError, check_standing, reduce, settled_tower
@@ -45,7 +46,7 @@ class _Run:
         else:
             truth = UNKNOWN
             tower.load(tower.save())  # poses of the present state instead of the last step's, as after a trial push
-        robot = Robot(tower, Sensor(self.setup.sensing, self.rng))
+        robot = Robot(tower, self.setup.sensing, self.rng)
         first, where = len(self.rows), (tower.layer[block], int(tower.is_side(block)))
         reason = self._push(robot, block, truth, limit)
         fell = reason in ("dropped", "tower toppled")
@@ -73,12 +74,12 @@ class _Run:
     def _push(self, robot: Robot, block: int, truth: int, limit: int) -> str:
         """Push until there is a reason to stop, and return it."""
         settings, push = self.setup.collect, len(self.attempts)
-        offset, heading = self._action()
+        offset, heading = explored(settings, self.rng)
         robot.start(block, offset)
         context = robot.tower.context(block)
         for step in range(limit - len(self.rows)):
             if self.rng.random() < settings.change:
-                offset, heading = self._action()
+                offset, heading = explored(settings, self.rng)
             before, after = robot.push_step(offset, heading)
             if robot.tower.fallen().size:
                 return "tower toppled" if robot.tower.toppled(block) else "dropped"
@@ -98,10 +99,6 @@ class _Run:
             if self.rng.random() < settings.retract:
                 return "gave up"
         return "enough samples"
-
-    def _action(self) -> tuple[float, float]:
-        offset, heading = self.setup.collect.offset, self.setup.collect.heading
-        return float(self.rng.uniform(-offset, offset)), float(self.rng.uniform(-heading, heading))
 
     def samples(self) -> PushSamples:
         push, step, block, truth, before, action, after, context = (np.array(column) for column in zip(*self.rows))

@@ -18,7 +18,7 @@ import numpy as np
 import pandas as pd
 
 from thesis_lib.foundation.errors import UserError
-from thesis_lib.jenga.learners.abstractions import PredictiveCheck, predictive_check, with_new_abstraction
+from thesis_lib.jenga.learners.abstractions import LEVEL, predictive_check, with_new_abstraction
 from thesis_lib.jenga.learners.hma import Hma
 from thesis_lib.jenga.learners.learner import MIN_SAMPLES, SEEN, push_groups
 from thesis_lib.jenga.play.players import learner_of
@@ -59,7 +59,7 @@ def hidden_study(
 
     summary: one row: p_value, new_abstraction (0 or 1), numbers of pushes and of failing pushes with and without the
     effect, the abstraction that fails most, number of samples relearned from.  pushes: a row per push of the first half
-    (`PredictiveCheck`) with affected (0 or 1).  errors: stage (before, relearned), group (affected, others), error,
+    (`predictive_check`) with affected (0 or 1).  errors: stage (before, relearned), group (affected, others), error,
     low, high, n.  UserError if one half of the towers gave no samples.
     """
     hidden, affected_blocks = hidden_of(effect, choice)
@@ -78,19 +78,27 @@ def hidden_study(
     if not all(halves):
         raise UserError(f"{effect}: no samples of one half of the towers; give more towers than {choice.towers}.")
     seen, fresh = (join(parts) for parts in halves)
-    check = predictive_check(learner, seen, reference, rng)
-    pushes = check.pushes.assign(
-        affected=check.pushes["block"].isin(affected_blocks).astype(int),
-        abstraction=np.array(learner.names)[check.pushes["abstraction"]],
+    pushes, p_value = predictive_check(learner, seen, reference, rng)
+    by_abstraction = pushes.groupby("abstraction").agg({"fails": "sum", "distance": "mean"})
+    worst = by_abstraction.sort_values(["fails", "distance"], ascending=False).index[0]
+    pushes = pushes.assign(
+        affected=pushes["block"].isin(affected_blocks).astype(int),
+        abstraction=np.array(learner.names)[pushes["abstraction"]],
     )
     failing = seen.select(np.isin(seen.push, pushes.loc[pushes["fails"] == 1, "push"]))
     stages = {"before": learner}
-    if check.new_abstraction and len(failing) >= MIN_SAMPLES:
+    if p_value < LEVEL and len(failing) >= MIN_SAMPLES:
         stages["relearned"] = with_new_abstraction(learner, failing, rng)
     errors = [error_rows(model, fresh, affected_blocks).assign(stage=stage) for stage, model in stages.items()]
     table = pd.concat(errors, ignore_index=True).assign(effect=effect)
+    row = {"effect": effect, "p_value": p_value, "new_abstraction": int(p_value < LEVEL)}
+    row["failing_abstraction"] = learner.names[worst]
+    row["relearned_samples"] = len(failing) if "relearned" in stages else 0
+    for name, value in (("affected", 1), ("others", 0)):
+        part = pushes[pushes["affected"] == value]
+        row |= {f"pushes_{name}": len(part), f"failing_{name}": int(part["fails"].sum())}
     return {
-        "summary": _summary(effect, check, pushes, len(failing) if "relearned" in stages else 0),
+        "summary": pd.DataFrame([row]),
         "pushes": pushes.assign(effect=effect),
         "errors": table[["effect", "stage", "group", "error", "low", "high", "n"]],
     }
@@ -107,17 +115,6 @@ def error_rows(learner: Hma, samples: PushSamples, affected_blocks: tuple[int, .
     parts = {"affected": per_push[affected], "others": per_push[~affected]}
     rows = [(name, *student_mean(part), len(part)) for name, part in parts.items() if len(part)]
     return pd.DataFrame(rows, columns=["group", "error", "low", "high", "n"])
-
-
-def _summary(effect: str, check: PredictiveCheck, pushes: pd.DataFrame, samples: int) -> pd.DataFrame:
-    worst = check.by_abstraction.sort_values(["failed", "distance"], ascending=False)["name"].iloc[0]
-    row = {"effect": effect, "p_value": check.p_value, "new_abstraction": int(check.new_abstraction)}
-    row |= {"failing_abstraction": worst, "relearned_samples": samples}
-    for name, value in (("affected", 1), ("others", 0)):
-        part = pushes[pushes["affected"] == value]
-        row[f"pushes_{name}"] = len(part)
-        row[f"failing_{name}"] = int(part["fails"].sum())
-    return pd.DataFrame([row])
 
 
 def hidden_tables(

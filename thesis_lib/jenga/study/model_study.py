@@ -113,10 +113,8 @@ def of_one(looks: pd.DataFrame) -> pd.DataFrame:
     return looks[(looks["size"] == looks["size"].max()) & (looks["set"] == looks["set"].min())]
 
 
-def agreements(
-    learners: Mapping[tuple[int, int], Hma], samples: PushSamples, rng: np.random.Generator, steps: int = 5
-) -> pd.DataFrame:
-    """Stuck or free after `steps` steps, learned without truth: a row per (size, set), and the mean per size.
+def agreements(learners: Mapping[tuple[int, int], Hma], samples: PushSamples, rng: np.random.Generator) -> pd.DataFrame:
+    """Stuck or free after the first steps, learned without truth: a row per (size, set), and the mean per size.
 
     Columns size, set (-1 for the mean), balanced_accuracy, low, high (bootstrap over pushes; for the mean: lowest and
     highest set), rand_index, n_stuck, n_free, n_abstractions, n_stuck_abstractions.
@@ -124,7 +122,7 @@ def agreements(
     rows = []
     for (size, number), learner in learners.items():
         counts = {"n_abstractions": learner.n_abstractions, "n_stuck_abstractions": int(stuck_group(learner).sum())}
-        rows.append({"size": size, "set": number} | agreement(learner, samples, rng, steps) | counts)
+        rows.append({"size": size, "set": number} | agreement(learner, samples, rng) | counts)
     table = pd.DataFrame(rows)
     means = table.groupby("size", as_index=False).mean(numeric_only=True).assign(set=-1)
     ends = table.groupby("size")["balanced_accuracy"]

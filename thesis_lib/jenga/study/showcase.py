@@ -18,40 +18,37 @@ from thesis_lib.jenga.learners.kalman import KalmanBank
 from thesis_lib.jenga.learners.settings import NutsSettings
 from thesis_lib.jenga.play.game import Game
 from thesis_lib.jenga.robot.movable import hidden_label
-from thesis_lib.jenga.robot.robot import Robot, Sensor
-from thesis_lib.jenga.robot.samples import F_N, FREE, STUCK, TOWER, X
+from thesis_lib.jenga.robot.robot import Robot
+from thesis_lib.jenga.robot.samples import F_N, KINDS, TOWER, X
 from thesis_lib.jenga.study.showcase_nuts import Sampler, agreement
 from thesis_lib.jenga.tower.settings import Setup
 from thesis_lib.jenga.tower.tower import REACHABLE, settled_tower
 
 SHOWN = 1  # seed of the development tower whose game is drawn: test towers are not shown
 PICTURES = 6
-CASES = {"stuck": STUCK, "easy": FREE}
 
 
 def straight_pushes(seed: int, setup: Setup, steps: int, rng: np.random.Generator) -> dict[str, dict[str, np.ndarray]]:
-    """Readings (steps + 1, 7), mm and N, actions (steps, 2), context (2,), block of both cases; UserError without."""
+    """Readings (steps + 1, 7), mm and N, actions (steps, 2), context (2,), block of both `KINDS`; UserError without."""
     tower = settled_tower(seed, setup)
     settled = tower.save()
     pushes: dict[str, dict[str, np.ndarray]] = {}
-    for block in rng.permutation(REACHABLE):
+    for block in map(int, rng.permutation(REACHABLE)):
         tower.load(settled)
-        label = hidden_label(tower, int(block), setup.movable)
-        case = next(name for name, wanted in CASES.items() if wanted == label)
+        case = KINDS[hidden_label(tower, block, setup.movable)]
         if case in pushes:
             continue
-        tower.load(settled)
-        robot = Robot(tower, Sensor(setup.sensing, rng))
-        readings, context = [robot.start(int(block))], tower.context(int(block))
+        robot = Robot(tower, setup.sensing, rng)
+        readings, context = [robot.start(block)], tower.context(block)
         for _ in range(steps):
             readings.append(robot.push_step(0.0, 0.0)[1])
             if robot.reached_goal() or tower.fallen().size:
                 break
         push = {"readings": np.array(readings), "actions": np.zeros((len(readings) - 1, 2))}
-        pushes[case] = push | {"context": context, "block": np.array(int(block))}
-        if len(pushes) == len(CASES):
+        pushes[case] = push | {"context": context, "block": np.array(block)}
+        if len(pushes) == len(KINDS):
             return pushes
-    missing = ", ".join(set(CASES) - set(pushes))
+    missing = ", ".join(set(KINDS.values()) - set(pushes))
     raise UserError(f"tower {seed} has no {missing} block to show: take another seed.")
 
 

@@ -29,7 +29,7 @@ from thesis_lib.foundation.errors import UserError
 from thesis_lib.jenga.learners.hma import Hma
 from thesis_lib.jenga.learners.kalman import KalmanBank, process_variance
 from thesis_lib.jenga.learners.learner import SEEN
-from thesis_lib.jenga.learners.networks import LOG_VAR, N_OUT
+from thesis_lib.jenga.learners.networks import N_OUT, soft_clamp
 from thesis_lib.jenga.learners.settings import NutsSettings
 from thesis_lib.jenga.robot.samples import ADVANCE
 
@@ -63,8 +63,7 @@ def log_transitions(layers: list, scaling: Any, noise: Any, states: Any, actions
     for w in layers[:-2]:
         h = jnp.tanh(affine(h, w))
     out = affine(h, layers[-2]) + affine(x, layers[-1])
-    middle, half = 0.5 * sum(LOG_VAR), 0.5 * (LOG_VAR[1] - LOG_VAR[0])
-    log_var = middle + half * jnp.tanh((out[..., N_OUT:] - middle) / half)
+    log_var = soft_clamp(out[..., N_OUT:], jnp)
     dims = jnp.array(SEEN)
     change = jnp.asarray(scaling.change)
     mean = scaling.next_state(states[:-1], out[..., :N_OUT])[..., dims]

@@ -17,10 +17,10 @@ import pandas as pd
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.jenga.learners.learner import Learner
 from thesis_lib.jenga.play.controller import Learned
-from thesis_lib.jenga.play.policies import STRAIGHT, Action, Push, Retract
+from thesis_lib.jenga.play.policies import AlwaysPush, Policy, Push, Retract
 from thesis_lib.jenga.play.settings import ShowcaseChoice
 from thesis_lib.jenga.robot.movable import hidden_label
-from thesis_lib.jenga.robot.robot import Robot, Sensor
+from thesis_lib.jenga.robot.robot import Robot
 from thesis_lib.jenga.robot.samples import ADVANCE, FREE, MM, YAW, X, Y
 from thesis_lib.jenga.tower.settings import Setup
 from thesis_lib.jenga.tower.tower import REACHABLE, settled_tower
@@ -54,9 +54,9 @@ def steering_pushes(
             noise = int(rng.integers(2**31))
             for steered in (0, 1):
                 tower.load(settled)
-                policy = Learned(learner, choice.steering) if steered else None
+                policy = Learned(learner, choice.steering) if steered else AlwaysPush()
                 case = {"block": block, "edge": edge, "steered": steered}
-                robot = Robot(tower, Sensor(setup.sensing, np.random.default_rng(noise)))
+                robot = Robot(tower, setup.sensing, np.random.default_rng(noise))
                 rows, end = _push(robot, block, Push(edge), policy, choice.disturbed)
                 steps += [case | row for row in rows]
                 ends.append(case | end)
@@ -65,22 +65,17 @@ def steering_pushes(
     return pd.DataFrame(steps), pd.DataFrame(ends)
 
 
-def _push(robot: Robot, block: int, first: Push, policy: Learned | None, disturbed: int) -> tuple[list[dict], dict]:
-    """Rows and end of one push: `disturbed` times `first`, then the policy (without one straight on)."""
+def _push(robot: Robot, block: int, first: Push, policy: Policy, disturbed: int) -> tuple[list[dict], dict]:
+    """Rows and end of one push: `disturbed` times `first`, then the policy."""
     reading, context, rows = robot.start(block), robot.tower.context(block), []
-    if policy is not None:
-        policy.begin(robot.sensor.rng)
-        policy.start(block, context)
+    policy.begin(robot.rng)
+    policy.start(block, context)
     for step in range(MOST):
-        action: Action = first if step < disturbed else STRAIGHT
-        if policy is not None and step >= disturbed:
-            action = policy.act(reading, context)
+        action = first if step < disturbed else policy.act(reading, context)
         if isinstance(action, Retract):
             break
         before, after = robot.push_step(action.offset / MM, action.heading)
-        if policy is not None:
-            policy.contact = action.offset
-            policy.observe(before, action, after)
+        policy.observe(before, action, after)
         seen = {"advance": reading[ADVANCE], "x": reading[X], "y": reading[Y], "yaw": reading[YAW]}
         done = {"offset": action.offset, "heading": action.heading, "controlled": int(step >= disturbed)}
         rows.append({"step": step} | seen | done)

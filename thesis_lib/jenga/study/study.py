@@ -125,15 +125,15 @@ def success_table(attempts: pd.DataFrame, size: int) -> pd.DataFrame:
     return pd.DataFrame(rows, columns=names)
 
 
-def needed_samples(games: pd.DataFrame, first: int, policy: str = "mor", of: str = "hma") -> pd.DataFrame:
-    """Number of samples with which `policy` matches `of` at `first` samples, with bounds from the spread over towers.
+def needed_samples(games: pd.DataFrame, first: int, policy: str = "mor") -> pd.DataFrame:
+    """Number of samples with which `policy` matches HMA at `first` samples, with bounds from the spread over towers.
 
-    Columns policy, of, size (of `of`), needed (NaN: more than were tried), needed_low, needed_high: the smallest size
-    at which the paired difference `of` − `policy` is at most 0 in its mean, lower end and upper end.
+    Columns policy, of (hma), size (of hma), needed (NaN: more than were tried), needed_low, needed_high: the smallest
+    size at which the paired difference hma − `policy` is at most 0 in its mean, lower end and upper end.
     """
     counts = _by_tower(games)
     sizes = sorted(size for name, size in counts.columns if name == policy)
-    ends = [(size, *student_mean(_differences(counts, (of, first), (policy, size)))) for size in sizes]
+    ends = [(size, *student_mean(_differences(counts, ("hma", first), (policy, size)))) for size in sizes]
     needed = [next((float(end[0]) for end in ends if end[column] <= 0.0), np.nan) for column in (1, 2, 3)]
-    row = (policy, of, first, *needed)
+    row = (policy, "hma", first, *needed)
     return pd.DataFrame([row], columns=["policy", "of", "size", "needed", "needed_low", "needed_high"])

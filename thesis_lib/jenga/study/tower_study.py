@@ -9,18 +9,16 @@ Source: thesis, section 5.4.4 (47 %).
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from functools import partial
 
 import numpy as np
 import pandas as pd
 
 from thesis_lib.foundation.errors import UserError
-from thesis_lib.jenga.robot.movable import comes_out, fractions, scan
+from thesis_lib.jenga.robot.movable import SCAN, comes_out, is_movable, scan
 from thesis_lib.jenga.tower.settings import MovableSettings, Setup
 from thesis_lib.jenga.tower.tower import REACHABLE, TowerError, reduce, settled_tower
 from thesis_lib.statistics.intervals import student_mean
 
-SCAN = ["tower", "block", "layer", "side", "force", "moved", "others", "movable"]
 THRESHOLDS = (0.5, 0.75, 1.0, 1.5, 2.0)  # mm
 
 
@@ -42,14 +40,18 @@ def spread(n: int, most: int) -> np.ndarray:
 
 def movable_shares(scans: Mapping[str, Sequence[pd.DataFrame]], settings: MovableSettings) -> pd.DataFrame:
     """Rows of set (development, test), tower, threshold_mm, share; UserError if all towers of a set were refused."""
+    rows = []
     for name, tables in scans.items():
-        if all(table.empty for table in tables):
+        standing = [table for table in tables if len(table)]
+        if not standing:
             raise UserError(f"all {len(tables)} {name} towers were refused: none stands. See the logs of the scans.")
-    parts = [
-        fractions(pd.concat([table for table in tables if len(table)]), settings, THRESHOLDS).assign(set=name)
-        for name, tables in scans.items()
-    ]
-    return pd.concat(parts, ignore_index=True)[["set", "tower", "threshold_mm", "share"]]
+        table = pd.concat(standing)
+        for threshold in THRESHOLDS:
+            varied = settings.model_copy(update={"threshold": 1e-3 * threshold})
+            movable = pd.Series(is_movable(table["moved"], table["others"], varied))
+            share = movable.groupby(table["tower"].to_numpy()).mean()
+            rows += [(name, seed, threshold, value) for seed, value in share.items()]
+    return pd.DataFrame(rows, columns=["set", "tower", "threshold_mm", "share"])
 
 
 def movable_summary(shares: pd.DataFrame, scans: Mapping[str, Sequence[pd.DataFrame]]) -> pd.DataFrame:
@@ -76,12 +78,7 @@ def fidelity(
     reduced = [scan(reduce(tower, block), setup.movable, [block]) for block in blocks]
     rows += agreement("reduced_tower", scan_of, pd.concat(reduced, ignore_index=True))
     say("reduced tower: done")
-    start = tower.poses()
-
-    def harmless(block: int) -> bool:
-        return not setup.robot.is_damage(*tower.perturbation(block, start))
-
-    real = scan_of.assign(extracted=[int(comes_out(tower, block, partial(harmless, block))) for block in blocks])
+    real = scan_of.assign(extracted=[int(comes_out(tower, block, setup.robot.is_damage)) for block in blocks])
     rows.append(("real_extraction", "same_label", float((real["movable"] == real["extracted"]).mean()), len(real)))
     movable = real[real["movable"] == 1]
     rows.append(("real_extraction", "movable_that_come_out", float(movable["extracted"].mean()), len(movable)))

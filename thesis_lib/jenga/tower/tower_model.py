@@ -32,14 +32,18 @@ HAND_STIFFNESS, JAW_STIFFNESS = 5000.0, 2000.0  # N/m
 HAND_TURN = 20.0  # N m/rad
 OPEN = 8e-3  # m between an open jaw's pads and the block
 PARKED = np.array([0.4, 0.4, 0.5])  # m, position of idle tools
+TIP = ("tip_x", "tip_y", "tip_z")  # joints of the robot, and the drives on them
+HAND = ("hand_x", "hand_y", "hand_z", "hand_turn")
+JAWS = ("jaw_left", "jaw_right")
+ORIGIN = np.array([0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0])  # pose of a block in its own body
 
 
 def _numbers(values) -> str:
     return " ".join(f"{value:.12g}" for value in np.atleast_1d(values))
 
 
-def _geoms(block: int, size: np.ndarray, settings: TowerSettings, pose: np.ndarray | None) -> str:
-    """Geoms of one block in the frame of its body, at `pose` (7,) in that frame or at its origin."""
+def _geoms(block: int, size: np.ndarray, settings: TowerSettings, pose: np.ndarray = ORIGIN) -> str:
+    """Geoms of one block at `pose` (7,), m and quaternion, in the frame of its body."""
     length, width, _ = settings.block
     pitch = width + settings.gap
     half = size / 2.0
@@ -50,9 +54,7 @@ def _geoms(block: int, size: np.ndarray, settings: TowerSettings, pose: np.ndarr
         for y in (-FOOT_INSET, FOOT_INSET)
     ]
     bumpers = [(x, side * (half[1] - FOOT), 0.0) for x in (-length / 3, length / 3) for side in (-1, 1)]
-    origin, turn = np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0])
-    if pose is not None:
-        origin, turn = pose[:3], pose[3:]
+    origin, turn = pose[:3], pose[3:]
     matrix = rotation_matrix(turn)
     slippery = settings.hidden.slippery_layer == block // PER_LAYER
     # MuJoCo takes the higher friction of two geoms unless one has priority
@@ -84,25 +86,26 @@ def _slides(name: str) -> str:
     return "".join(f'<joint name="{name}_{n}" type="slide" axis="{axis}"/>' for n, axis in axes.items())
 
 
+def _drive(joint: str, stiffness: float, mass: float, limit: float | None = None) -> str:
+    """A position drive of that joint, critically damped for what it moves (kg or kg m²); force limit in N."""
+    force = "" if limit is None else f' forcerange="{-limit} {limit}"'
+    damping = 2.0 * np.sqrt(stiffness * mass)
+    return f'<position name="{joint}" joint="{joint}" kp="{stiffness}" kv="{damping:.9g}"{force}/>'
+
+
 def _pusher(robot: RobotSettings, settings: TowerSettings) -> tuple[str, str]:
     mass = settings.hidden.pusher_mass or robot.tip_mass
-    damping = 2.0 * np.sqrt(robot.stiffness * mass)
     body = (
         f'<body name="tip" gravcomp="{robot.tip_mass / mass:.9g}">{_slides("tip")}<geom name="tip" type="sphere" '
         f'size="{robot.tip_radius}" mass="{mass}" contype="4" conaffinity="0" priority="2" '
         f'friction="{robot.tip_friction} .005 .0001"/></body>'
     )
-    drives = "".join(
-        f'<position joint="tip_{n}" kp="{robot.stiffness}" kv="{damping:.9g}" '
-        f'forcerange="{-robot.force_limit} {robot.force_limit}"/>'
-        for n in "xyz"
-    )
-    return body, drives
+    return body, "".join(_drive(joint, robot.stiffness, mass, robot.force_limit) for joint in TIP)
 
 
 def _gripper(robot: RobotSettings, settings: TowerSettings) -> tuple[str, str]:
     half = settings.block[1] / 2.0
-    jaws, drives = "", ""
+    jaws = ""
     for name, side in (("left", 1), ("right", -1)):
         pads = "".join(
             f'<geom type="sphere" size="{FOOT}" pos="{x} {side * (half + FOOT)} {z}" mass="{JAW_MASS / 4}" '
@@ -113,18 +116,14 @@ def _gripper(robot: RobotSettings, settings: TowerSettings) -> tuple[str, str]:
         # the joint coordinate is the distance between pads and the block's nominal side
         joint = f'<joint name="jaw_{name}" type="slide" axis="0 {side} 0"/>'
         jaws += f'<body name="{name}" gravcomp="1">{joint}{pads}</body>'
-        drives += (
-            f'<position joint="jaw_{name}" kp="{JAW_STIFFNESS}" kv="{2 * np.sqrt(JAW_STIFFNESS * JAW_MASS):.9g}" '
-            f'forcerange="{-robot.jaw_force} {robot.jaw_force}"/>'
-        )
     body = (
         f'<body name="hand" gravcomp="1">{_slides("hand")}<joint name="hand_turn" type="hinge" axis="0 0 1"/>'
         f'<inertial pos="0 0 0" mass="{HAND_MASS}" diaginertia="1e-4 1e-4 1e-4"/>{jaws}</body>'
     )
-    slide = 2.0 * np.sqrt(HAND_STIFFNESS * (HAND_MASS + 2 * JAW_MASS))
-    hand = "".join(f'<position joint="hand_{n}" kp="{HAND_STIFFNESS}" kv="{slide:.9g}"/>' for n in "xyz")
-    hand += f'<position joint="hand_turn" kp="{HAND_TURN}" kv="{2 * np.sqrt(HAND_TURN * 2e-4):.9g}"/>'
-    return body, hand + drives
+    drives = [_drive(joint, HAND_STIFFNESS, HAND_MASS + 2 * JAW_MASS) for joint in HAND[:3]]
+    drives.append(_drive("hand_turn", HAND_TURN, 2e-4))
+    drives += [_drive(joint, JAW_STIFFNESS, JAW_MASS, robot.jaw_force) for joint in JAWS]
+    return body, "".join(drives)
 
 
 def tower_xml(
@@ -149,8 +148,7 @@ def tower_xml(
     single = sorted(set(range(BLOCKS)).difference(*groups.values()))
     for block in single:
         where = f'pos="{_numbers(poses[block, :3])}" quat="{_numbers(poses[block, 3:])}"'
-        geom = _geoms(block, sizes[block], settings, None)
-        bodies.append(f'<body name="block{block}" {where}><freejoint/>{geom}</body>')
+        bodies.append(f'<body name="block{block}" {where}><freejoint/>{_geoms(block, sizes[block], settings)}</body>')
     pusher, pusher_drives = _pusher(robot, settings)
     gripper, gripper_drives = _gripper(robot, settings)
     return f"""<mujoco>
