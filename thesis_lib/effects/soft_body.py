@@ -19,6 +19,7 @@ sinks in until the impulse acts, so that λ = τ/2 if only the body gives way, a
 """
 
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
 
@@ -56,7 +57,7 @@ class SoftBody(Effect):
         return r + depth * np.concatenate([lean_in_space(rig.shape, state.attitude), np.ones((1, len(state)))])
 
 
-def _solid(shape: SupportPoint | Solid) -> Solid:
+def _solid(shape: Any) -> Solid:
     return shape.solid if isinstance(shape, SupportPoint) else shape
 
 
@@ -80,17 +81,18 @@ def lean(shape: Shape | Corner, theta: np.ndarray) -> np.ndarray:
     return 0.5 * (slopes[0] + slopes[1])
 
 
-def lean_in_space(shape: SupportPoint | Solid, attitude: np.ndarray) -> np.ndarray:
-    """l (2, n) of bodies at attitudes (4, n), at most `STEEPEST`."""
-    parts = _solid(shape).minkowski
+def lean_in_space(shape: Any, attitude: np.ndarray) -> np.ndarray:
+    """l (2, n) of bodies at attitudes (4, n), at most `STEEPEST`; the shape is a solid, or a point of one for each."""
+    solid: Any = _solid(shape)
+    parts = solid.minkowski
     index = shape.index if isinstance(shape, SupportPoint) else parts.heights(attitude).argmin(axis=0)
-    if not _solid(shape).corners.size:
+    if not solid.corners.size:
         across = SPACE.turned(attitude, parts.centres[:, index]) - shape.lowest(attitude)
         return across[:2] / across[2]
     found = np.zeros((2, attitude.shape[1]))
     for corner in np.unique(index):
         rows = np.flatnonzero(index == corner)
-        edges = parts.centres[:, _neighbours(_solid(shape))[corner]] - parts.centres[:, corner, None]
+        edges = parts.centres[:, _neighbours(solid)[corner]] - parts.centres[:, corner, None]
         edges = np.stack([SPACE.turned(attitude[:, rows], edge[:, None]) for edge in edges.T])  # (edges, 3, n)
         rises = edges[:, 2] > LEVEL * np.abs(edges).max()
         slopes = np.divide(edges[:, :2], edges[:, 2:], out=np.zeros_like(edges[:, :2]), where=rises[:, None])
@@ -101,7 +103,7 @@ def lean_in_space(shape: SupportPoint | Solid, attitude: np.ndarray) -> np.ndarr
 
 
 @lru_cache(maxsize=16)
-def _neighbours(solid: Solid) -> list[np.ndarray]:
+def _neighbours(solid: Any) -> list[np.ndarray]:
     """Of each corner those with which it shares an edge, so two faces."""
     centres = solid.minkowski.centres
     off = solid.faces @ centres

@@ -74,7 +74,7 @@ def recording(rng: np.random.Generator, shapes: Sequence[str]) -> dict:
     """Body, contact, camera and noise, all but filter and stamps."""
     between = partial(drawn_number, rng)
     return {
-        "shape": shapes[rng.integers(len(shapes))],
+        "shape": shapes[int(rng.integers(len(shapes)))],
         "size": between(0.9, 1.4, log=False),
         "tosses": int(rng.integers(60, 121)),
         "rate": between(100.0, 500.0),
@@ -125,7 +125,7 @@ def spread(wanted: Mapping[tuple[str, str], int], case: type[CaseType], rng: np.
 def hidden_size(truth: str, drawn: Mapping, rng: np.random.Generator) -> dict[str, float]:
     """A size from the range of the cause that a body can have; {} for nothing."""
     while truth != NOTHING:
-        sizes = (RANGES | RANGES_OF_MORE)[truth].drawn(rng)
+        sizes = {**RANGES, **RANGES_OF_MORE}[truth].drawn(rng)
         hidden = {f"{truth}.{name}": value for name, value in sizes.items()}
         try:
             _ = TossedWorld(header_of(drawn, np.array([0.0, 0.0, 1.0]), rng), hidden=hidden).rig
