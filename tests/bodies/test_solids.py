@@ -8,7 +8,8 @@ from scipy.spatial.transform import Rotation
 from thesis_lib.bodies.minkowski import farthest
 from thesis_lib.bodies.moments import moments_within
 from thesis_lib.bodies.shapes import Polygon
-from thesis_lib.bodies.solids import Box, Capsule, Cylinder, Ellipsoid, Hull, Primitive, Solid, Sphere
+from thesis_lib.bodies.solid_body import SolidShape
+from thesis_lib.bodies.solids import Box, Capsule, Cylinder, Ellipsoid, Hull, Solid, Sphere
 
 EXACT = 1e-14  # m, of bodies of some cm: rounding only
 SAMPLES = 400_000
@@ -268,12 +269,12 @@ def test_triangles_that_enclose_nothing_are_refused():
         ({"kind": "box", "half_extents": [0.1, 0.1, 0.02], "edge_radius": -0.001}, "greater than or equal to 0"),
         ({"kind": "cylinder", "radius": 0.1, "half_length": 0.02, "edge_radius": 0.05}, "which is 0.02 m"),
         ({"kind": "capsule", "radius": 0.1, "length": 0.02}, "half_length"),
-        ({"kind": "cube", "side": 0.1}, "'sphere', 'ellipsoid', 'box', 'cylinder', 'capsule'"),
+        ({"kind": "cube", "side": 0.1}, "'box', 'sphere', 'ellipsoid', 'cylinder', 'capsule', 'mesh'"),
     ],
 )
 def test_bad_solids_are_refused(values, message):
     with pytest.raises(ValidationError, match=message):
-        TypeAdapter(Primitive).validate_python(values)
+        TypeAdapter(SolidShape).validate_python(values)
 
 
 def test_bad_hulls_are_refused():

@@ -164,15 +164,18 @@ def _properties(
         # Drake's d acts on the rate of its spring alone, which is only a share of the approach of body and plate
         stiffness, share = surface.k_contact, 1.0 / (surface.k_contact * surface.softness)
         dissipation = m.hunt_crossley / share
-    properties = ProximityProperties()
-    # for both geometries: Drake puts their springs in series and keeps equal d and μ
-    AddContactMaterial(
-        dissipation=dissipation,
-        point_stiffness=2.0 * stiffness,
-        friction=CoulombFriction(contact.mu, contact.mu),
-        properties=properties,
-    )
+    # Drake puts the springs of both geometries in series, and keeps equal d and μ
+    properties = point_contact(2.0 * stiffness, dissipation, contact.mu)
     return properties, properties
+
+
+def point_contact(stiffness: float, dissipation: float, mu: float) -> ProximityProperties:
+    """Properties of a geometry in point contact: k in N/m, Hunt and Crossley's d in s/m, and friction."""
+    properties = ProximityProperties()
+    AddContactMaterial(
+        dissipation=dissipation, point_stiffness=stiffness, friction=CoulombFriction(mu, mu), properties=properties
+    )
+    return properties
 
 
 def _add_shape(plant: MultibodyPlant, frame: RigidBody, true: TrueBody, properties: ProximityProperties) -> None:
