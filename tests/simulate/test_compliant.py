@@ -16,12 +16,9 @@ from falling import DISK, ELLIPSE, EXACT, POSE, POST, PRE, RIG, at, first
 from thesis_lib.bodies.body import Body
 from thesis_lib.bodies.shapes import Polygon
 from thesis_lib.datasets.format.dataset import Dataset
-from thesis_lib.datasets.format.write import write_dataset
 from thesis_lib.datasets.impacts.detect import find_impacts
-from thesis_lib.datasets.read import read_dataset
 from thesis_lib.effects import EFFECTS
 from thesis_lib.foundation.errors import UserError
-from thesis_lib.simulate.compliant.contacts import TRUTH
 from thesis_lib.simulate.compliant.forces import rounded_centres
 from thesis_lib.simulate.rig.hidden_causes import CAUSES, HiddenCauses
 
@@ -340,15 +337,6 @@ def test_two_corners_that_land_together_both_push():
 # --- as a dataset ---
 
 
-def test_is_written_and_read_like_any_dataset(tmp_path):
-    drops = run(5, noise=RIG, contact=ROUGH)
-    write_dataset(Dataset("drops", drops.header, drops.trajectories), tmp_path / "drops")
-    back = read_dataset(tmp_path / "drops")
-    assert len(back.trajectories) == len(drops.trajectories)
-    assert tuple(drops.impacts.columns) == TRUTH
-    assert "hidden" not in drops.header.description
-
-
 def test_nothing_hidden_leaves_no_couple_about_the_contact_and_a_constant_restitution():
     drops = run(150, noise=RIG, seed=11)
     found = find_impacts(Dataset("drops", drops.header, drops.trajectories)).impacts
@@ -377,10 +365,3 @@ def test_nothing_hidden_leaves_no_couple_about_the_contact_and_a_constant_restit
     assert ratio[fast].std() < 0.03
     speed = np.abs(truth["vy_pre"])
     assert np.abs(np.polyfit(speed[fast], ratio[fast], 1)[0]) < 0.01
-
-
-def test_throws_of_the_proof_go_both_ways_at_many_speeds():
-    one = first(run(100, contact=ROUGH, duration=0.4))
-    v_n = -(one["vy_pre"] + one["r_x"] * one["omega_pre"])
-    assert v_n.quantile(0.95) / v_n.quantile(0.05) > 3.0
-    assert 0.4 < (one["vx_pre"] > 0).mean() < 0.6

@@ -62,11 +62,6 @@ def test_tighter_error_control_changes_little():
     np.testing.assert_allclose(rough, fine, rtol=0, atol=5e-4)
 
 
-def test_no_pad_loses_nearly_all():
-    with pytest.raises(UserError, match="epsilon"):
-        pad(1, contact={"epsilon": 0.1})
-
-
 @pytest.mark.parametrize("epsilon", [0.3, 0.55, 0.9])
 def test_pad_gives_back_the_same_at_any_effective_mass(epsilon):
     pad = design(epsilon, 2e-5, 0.05, 0.4)
@@ -133,15 +128,6 @@ def test_hydroelastic_force_is_the_pressure_over_the_cut_of_a_box():
     assert static_force(SQUARE, made, central_angle(SQUARE), np.array([depth]))[0] == pytest.approx(expected, rel=0.02)
 
 
-@pytest.mark.parametrize("body", [ELLIPSE, SQUARE], ids=["ellipse", "square"])
-def test_hydroelastic_contact_has_the_time_and_restitution_that_were_asked_for(body):
-    height = body.shape.extent + REFERENCE_SPEED**2 / (2.0 * 9.81)
-    release = at(height=height, theta=central_angle(body) + 1e-3)
-    one = first(run("hydroelastic", 1, body, release, contact={"mu": 0.0}, duration=0.5)).iloc[0]
-    assert -one["vy_post"] / one["vy_pre"] == pytest.approx(0.55, abs=0.02)
-    assert 0.95e-3 < one["duration"] < 1.15e-3
-
-
 def test_frictionless_point_contact_agrees_with_our_integration_of_the_same_force():
     """k and d of Drake's contact in the other integrator, whose spring is elastic.
 
@@ -191,6 +177,8 @@ def test_contact_loses_with_the_trial_under_wear():
 
 def test_says_what_a_surface_cannot_carry():
     assert set(SUPPORTED) | set(WITHOUT_ELEMENT) == set(CAUSES)
+    with pytest.raises(UserError, match="epsilon"):
+        pad(1, contact={"epsilon": 0.1})
     with pytest.raises(UserError, match="rectangles"):
         run("hydroelastic", 1, TRIANGLE)
     with pytest.raises(UserError, match="no surface 'foam'"):

@@ -35,16 +35,10 @@ def random_cases(n, seed=0):
     return inertia(r, k2), v_c, rng.uniform(0, 1.5, n), rng.uniform(0, 1, n)
 
 
-def test_every_random_case_is_solved_and_complementary():
-    K, v_c, mu, epsilon = random_cases(20_000)
-    out = contact_lcp(K, v_c, mu, epsilon)
-    assert (out.status == LcpStatus.SOLVED).all()
-    assert out.residual.max() <= RESIDUAL_TOL
-
-
 def test_impulse_obeys_newton_coulomb_and_opposes_the_final_slip():
     K, v_c, mu, epsilon = random_cases(20_000, seed=1)
     out = contact_lcp(K, v_c, mu, epsilon)
+    assert (out.status == LcpStatus.SOLVED).all() and out.residual.max() <= RESIDUAL_TOL
     (c_t, c_n), (v_t, v_n) = out.c.T, out.v_c_post.T
     np.testing.assert_allclose(out.v_c_post, v_c + np.einsum("nij,nj->ni", K, out.c), atol=AGREEMENT_TOL)
     np.testing.assert_allclose(v_n, -epsilon * v_c[:, 1], atol=AGREEMENT_TOL)
@@ -98,14 +92,6 @@ def test_known_impulses(case, mu, epsilon, expected):
     K = inertia([case["r"]], [case["k2"]], case["mass"])
     out = contact_lcp(K, np.array([case["v"]]), mu, epsilon)
     np.testing.assert_allclose(out.c[0], expected, atol=PUBLISHED_TOL)
-
-
-def test_energy_paradox_of_newton_restitution_is_there():
-    K = inertia([ROD["r"]], [ROD["k2"]])
-    out = contact_lcp(K, np.array([[0.6, -1.0]]), 0.5, 0.9)
-    before, after = np.array([0.6, -1.0]), out.v_c_post[0]
-    M_c = np.linalg.inv(K[0])
-    assert after @ M_c @ after / (before @ M_c @ before) == pytest.approx(1.265625)
 
 
 def test_mirror_and_scale():
