@@ -2,7 +2,6 @@
 
 import json
 import os
-import re
 import subprocess
 import sys
 from pathlib import Path
@@ -62,11 +61,6 @@ def changed_by(root: Path, path: str, content: str) -> set[str]:
     (root / path).write_text(content, encoding="utf-8")
     after = hashes(root)
     return {name for name in SCRIPTS if before[name] != after[name]}
-
-
-def test_hash_is_stable_and_short(root):
-    assert hashes(root) == hashes(root)
-    assert all(len(value) == 16 and int(value, 16) >= 0 for value in hashes(root).values())
 
 
 @pytest.mark.parametrize(
@@ -249,12 +243,6 @@ class TestEnvironment:
             check=True,
         )
         assert done.stdout.strip() == "{'Nehalem'}"
-
-    def test_no_times(self, requirements):
-        """Equal bytes whenever it is recorded."""
-        one, two = (json.dumps(environment(requirements), sort_keys=True) for _ in range(2))
-        assert one == two
-        assert not re.search(r'"[^"]*(time|date|duration|seconds)[^"]*":', one.split('"packages"')[0])
 
     def test_outside_a_checkout_the_commit_is_unknown(self, requirements, monkeypatch):
         monkeypatch.setenv("GIT_CEILING_DIRECTORIES", str(requirements.parent.parent))

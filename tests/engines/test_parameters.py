@@ -6,7 +6,6 @@ from engine_states import DISK, ELLIPSE, ENGINES, MASS, SOFT, SQUARE, STILL, of
 
 from thesis_lib.engines.engine import impacts
 from thesis_lib.engines.parameters import (
-    DrakeNumbers,
     MujocoNumbers,
     bullet_numbers,
     drake_numbers,
@@ -111,14 +110,3 @@ def test_a_sliding_impact_has_the_friction_that_was_asked_for(name, mu):
         v, _ = landing(name, DISK, slip=slip, mu=mu, contact_time=2e-4)
         assert abs(v[0] + v[2] * 0.03) > 1.0  # m/s: it still slides
         assert (slip - v[0]) / (v[1] + REFERENCE_SPEED) == pytest.approx(np.sign(slip) * mu, rel=MEASURED)
-
-
-def test_the_numbers_of_a_file_are_those_of_the_engine():
-    """Drake's spring in series with itself is that of `spring`, which the engine uses."""
-    from thesis_lib.simulate.drake.hunt_crossley import spring
-
-    made = spring(0.55, 1e-3, MASS)
-    numbers = drake_numbers(0.15, 0.55, 1e-3, mass=MASS)
-    assert numbers == DrakeNumbers(
-        pytest.approx(2.0 * made.stiffness, rel=ROUND), pytest.approx(made.dissipation, rel=ROUND), 0.15
-    )

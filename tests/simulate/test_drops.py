@@ -4,9 +4,14 @@ import dataclasses
 
 import numpy as np
 import pytest
+from falling import DISK as DISK_BODY
+from falling import LARGE_SQUARE as SQUARE_BODY
+from falling import POSE as POSES
+from falling import POST as V_POST
+from falling import PRE as V_PRE
+from falling import at
 
-from thesis_lib.bodies.body import Body, Noise
-from thesis_lib.bodies.shapes import Disk, Polygon
+from thesis_lib.bodies.body import Noise
 from thesis_lib.datasets.format.dataset import Dataset
 from thesis_lib.datasets.format.write import write_dataset
 from thesis_lib.datasets.read import read_dataset
@@ -22,21 +27,11 @@ EXACT = 1e-12  # closed forms in double precision, numbers of order 1
 CONTACT_TIME = 1e-9  # truth that depends on the instant of contact: |φ_n| < 1e-13 m over 0.1 m/s and up, amplified
 SUNK = 1e-12  # m; no gap may be more negative: rounding of a pose of about 1 m
 RESIDUAL_TOL = 1e-9  # complementarity, dimensionless
-POSES, V_PRE, V_POST = (["x", "y", "theta"], ["vx_pre", "vy_pre", "omega_pre"], ["vx_post", "vy_post", "omega_post"])
-DISK_BODY = Body(shape=Disk(radius=0.03), mass=0.05, radius_of_gyration=0.02)
-SQUARE = ((0.035, 0.035), (-0.035, 0.035), (-0.035, -0.035), (0.035, -0.035))
-SQUARE_BODY = Body(shape=Polygon(vertices=SQUARE), mass=0.05, radius_of_gyration=0.0286)
 
 
 def run(n=60, body=ELLIPSE_BODY, release=None, mu=0.1, epsilon=0.55, seed=0, **options):
     rng = np.random.default_rng(seed)
     return simulate_drops(body, release or Release(), n, mu=mu, epsilon=epsilon, rng=rng, **options)
-
-
-def at(**values):
-    """A release of one state."""
-    state = {"height": 0.3, "theta": 0.0, "vx": 0.0, "omega": 0.0} | values
-    return Release(**{name: Spread(low=value, high=value) for name, value in state.items()})
 
 
 def poses(drops):

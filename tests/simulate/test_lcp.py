@@ -9,7 +9,6 @@ from thesis_lib.simulate.stepping.lcp import (
     LcpStatus,
     complementarity_residual,
     contact_lcp,
-    impact,
     lcp_matrices,
     solve_lcp_enumeration,
 )
@@ -127,20 +126,6 @@ def test_separating_and_resting_contacts_get_no_impulse():
     out = contact_lcp(K, v_c, mu, epsilon)
     assert (out.status == LcpStatus.SOLVED).all()
     np.testing.assert_allclose(out.c, 0.0, atol=AGREEMENT_TOL)
-
-
-def test_impact_changes_momentum_by_the_impulse():
-    rng = np.random.default_rng(7)
-    n, mass, k2 = 500, 0.3, 0.07
-    r, v = rng.uniform(-1, 1, (n, 2)), rng.normal(size=(n, 3))
-    one, zero = np.ones(n), np.zeros(n)
-    J = np.stack([np.stack([one, zero, -r[:, 1]], -1), np.stack([zero, one, r[:, 0]], -1)], axis=1)
-    M = np.broadcast_to(np.diag([mass, mass, mass * k2]), (n, 3, 3))
-    out, v_post = impact(M, J, v, 0.4, 0.5)
-    np.testing.assert_allclose(mass * (v_post - v)[:, :2], out.c, atol=AGREEMENT_TOL)
-    torque = r[:, 0] * out.c[:, 1] - r[:, 1] * out.c[:, 0]
-    np.testing.assert_allclose(mass * k2 * (v_post - v)[:, 2], torque, atol=AGREEMENT_TOL)
-    np.testing.assert_allclose(np.einsum("nij,nj->ni", J, v_post), out.v_c_post, atol=AGREEMENT_TOL)
 
 
 def test_failures_keep_their_row_and_their_status():
