@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -243,6 +244,12 @@ class TestEnvironment:
             check=True,
         )
         assert done.stdout.strip() == "{'Nehalem'}"
+
+    def test_no_times(self, requirements):
+        """Equal bytes whenever it is recorded."""
+        one, two = (json.dumps(environment(requirements), sort_keys=True) for _ in range(2))
+        assert one == two
+        assert not re.search(r'"[^"]*(time|date|duration|seconds)[^"]*":', one.split('"packages"')[0])
 
     def test_outside_a_checkout_the_commit_is_unknown(self, requirements, monkeypatch):
         monkeypatch.setenv("GIT_CEILING_DIRECTORIES", str(requirements.parent.parent))

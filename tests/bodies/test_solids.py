@@ -220,6 +220,14 @@ def test_moments_of_a_box_of_triangles_are_those_of_the_box():
     np.testing.assert_allclose(inertia, box.inertia_per_mass, rtol=0, atol=1e-15)
 
 
+def test_moments_turn_with_the_body():
+    turn = Rotation.from_rotvec([0.3, 0.9, -0.5])
+    before, after = (Hull(vertices=tuple(map(tuple, p))).moments for p in (SCALENE, turn.apply(SCALENE)))
+    R = turn.as_matrix()
+    np.testing.assert_allclose(after.centre, R @ before.centre, rtol=0, atol=1e-15)
+    np.testing.assert_allclose(after.inertia_per_mass, R @ before.inertia_per_mass @ R.T, rtol=0, atol=1e-17)
+
+
 def test_triangles_that_enclose_nothing_are_refused():
     triangles = SOLIDS["hull"]._hull.points[SOLIDS["hull"]._hull.simplices]
     flat = triangles * [1.0, 1.0, 0.0]

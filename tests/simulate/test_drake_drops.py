@@ -128,6 +128,15 @@ def test_hydroelastic_force_is_the_pressure_over_the_cut_of_a_box():
     assert static_force(SQUARE, made, central_angle(SQUARE), np.array([depth]))[0] == pytest.approx(expected, rel=0.02)
 
 
+@pytest.mark.parametrize("body", [ELLIPSE, SQUARE], ids=["ellipse", "square"])
+def test_hydroelastic_contact_has_the_time_and_restitution_that_were_asked_for(body):
+    height = body.shape.extent + REFERENCE_SPEED**2 / (2.0 * 9.81)
+    release = at(height=height, theta=central_angle(body) + 1e-3)
+    one = first(run("hydroelastic", 1, body, release, contact={"mu": 0.0}, duration=0.5)).iloc[0]
+    assert -one["vy_post"] / one["vy_pre"] == pytest.approx(0.55, abs=0.02)
+    assert 0.95e-3 < one["duration"] < 1.15e-3
+
+
 def test_frictionless_point_contact_agrees_with_our_integration_of_the_same_force():
     """k and d of Drake's contact in the other integrator, whose spring is elastic.
 

@@ -128,3 +128,10 @@ def test_wheel_touches_with_its_spokes_in_turn():
         q, _ = wheel.standing(0.1, -1.0, spoke=i)
         phi = wheel.contacts(q).phi
         assert phi.argmin() == i and phi[i] == pytest.approx(0.0, abs=EXACT)
+
+
+def test_names_of_pairs():
+    assert BODIES["block"].pairs == ("vertex_0", "vertex_1", "vertex_2", "vertex_3")
+    assert BODIES["rod"].pairs == ("end_0", "end_1")
+    assert BODIES["ellipse"].pairs == BODIES["disk"].pairs == ("ground",)
+    assert ARM.pairs == ("arm", "ground") and MECHANISMS["wheel"].pairs[7] == "spoke_7"

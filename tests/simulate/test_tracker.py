@@ -124,3 +124,6 @@ def test_a_tracker_changes_what_is_written_and_nothing_else():
         np.testing.assert_allclose(other.trajectories["t"], plain.trajectories["t"])
         assert np.abs(other.trajectories["y"] - plain.trajectories["y"]).max() > 1e-3
     assert plain.header.noise == NOISE and filtered.header.noise is None
+    # the same noise on the same poses, late by T: y of a body that falls 2 ms longer
+    late = (plain.trajectories["theta"] - slow.trajectories["theta"])[:20] / plain.trials["omega"][0]
+    np.testing.assert_allclose(late, 2e-3, rtol=1e-3)
