@@ -46,6 +46,17 @@ def test_the_bounce_is_smooth_where_damping_becomes_critical():
     assert damped_bounce(0.0) == (1.0, pytest.approx(np.pi))
 
 
+@pytest.mark.parametrize("impedance", [0.01, 0.5, 0.95])
+@pytest.mark.parametrize(("epsilon", "contact_time"), [(0.2, 1e-3), (0.55, 3e-4), (0.55, 3e-3), (0.9, 1e-3)])
+def test_a_central_impact_has_the_restitution_and_time_that_were_asked_for(epsilon, contact_time, impedance):
+    contact = MujocoContact(epsilon=epsilon, contact_time=contact_time, impedance=impedance, steps=STEPS)
+    velocity, (normal, _), dt = landing(contact)
+    pressed = normal > 0.0
+    end = np.flatnonzero(pressed)[-1] + 1
+    assert velocity[end, 1] / SPEED == pytest.approx(epsilon, abs=TOUCH)
+    assert pressed.sum() * dt == pytest.approx(contact_time, rel=TOUCH)
+
+
 def test_impedance_says_whether_the_contact_time_knows_the_effective_mass():
     """Near 1 an off-centre impact lasts as long as a central one; near 0 it is a spring, T ~ sqrt(m_eff)."""
     lasting = {}
