@@ -108,7 +108,7 @@ class _Air(LeafSystem):
         self.DeclareVectorOutputPort("force", 6, self._push)
 
     def _push(self, context, output: BasicVector) -> None:
-        state = self.get_input_port().Eval(context)
+        state = np.ravel(self.get_input_port().Eval(context))
         attitude, spin, velocity = state[:4, None], state[7:10, None], state[10:, None]
         pushed, slowed = air(self.hidden, velocity, spin)
         couple = SPACE.turned(attitude, self.inertia @ SPACE.turned_back(attitude, slowed))
