@@ -47,20 +47,15 @@ def names(folder: Path) -> list[str]:
 
 
 class TestAtomic:
-    def test_failure_keeps_the_old_file_and_leaves_nothing_behind(self, tmp_path):
+    @pytest.mark.parametrize("failure", [RuntimeError, KeyboardInterrupt])
+    def test_failure_keeps_the_old_file_and_leaves_nothing_behind(self, tmp_path, failure):
         target = tmp_path / "a.csv"
         target.write_text("old")
-        with pytest.raises(RuntimeError, match="half-way"), atomic(target) as tmp:
+        with pytest.raises(failure), atomic(target) as tmp:
             tmp.write_text("half")
-            raise RuntimeError("half-way")
+            raise failure
         assert target.read_text() == "old"
         assert names(tmp_path) == ["a.csv"]
-
-    def test_interruption_by_the_user_leaves_nothing_behind(self, tmp_path):
-        with pytest.raises(KeyboardInterrupt), atomic(tmp_path / "a.csv") as tmp:
-            tmp.write_text("half")
-            raise KeyboardInterrupt
-        assert names(tmp_path) == []
 
     def test_target_appears_only_when_the_block_is_done(self, tmp_path):
         target = tmp_path / "deep" / "folder" / "a.csv"
@@ -103,11 +98,6 @@ class TestTables:
     def test_bytes_of_a_csv(self, tmp_path, table):
         write_table(table, tmp_path / "a.csv")
         assert (tmp_path / "a.csv").read_bytes() == (b"trial,mu,law\n2,0.333333333,mirtich\n7,,wang_mason\n")
-
-    def test_last_bits_do_not_reach_the_file(self, tmp_path):
-        for name, value in (("a.csv", 0.1 + 0.2), ("b.csv", 0.3)):
-            write_table(pd.DataFrame({"mu": [value]}), tmp_path / name)
-        assert (tmp_path / "a.csv").read_bytes() == (tmp_path / "b.csv").read_bytes()
 
     def test_missing_file_names_the_rule_to_run(self, tmp_path):
         path = tmp_path / "ensemble.csv"

@@ -1,8 +1,5 @@
 """Streams: the same for the same key on every machine, unrelated for any other key."""
 
-import itertools
-
-import numpy as np
 import pytest
 
 from thesis_lib.foundation.randomness import generator
@@ -22,10 +19,6 @@ def test_golden_value():
     assert generator(*GOLDEN_KEY).bit_generator.random_raw(2).tolist() == GOLDEN
 
 
-def test_equal_arguments_give_equal_streams():
-    assert first(3, "a", "b") == first(3, "a", "b")
-
-
 @pytest.mark.parametrize(
     ("one", "other"),
     [
@@ -38,18 +31,3 @@ def test_equal_arguments_give_equal_streams():
 )
 def test_different_arguments_give_different_streams(one, other):
     assert first(*one, n=8) != first(*other, n=8)
-
-
-def test_streams_of_different_keys_are_uncorrelated():
-    draws = [generator(0, "rule", name).standard_normal(10_000) for name in ("drops", "dice", "impact")]
-    draws.append(generator(1, "rule", "drops").standard_normal(10_000))
-    for a, b in itertools.combinations(draws, 2):
-        assert abs(np.corrcoef(a, b)[0, 1]) < CORRELATION
-
-
-def test_using_other_streams_changes_nothing():
-    """A new rule, or more draws by an old one, leaves every other stream as it is."""
-    alone = first(0, "ch3_identify")
-    generator(0, "new_rule").standard_normal(1000)
-    generator(0, "ch3_identify", "more").standard_normal(1000)
-    assert first(0, "ch3_identify") == alone

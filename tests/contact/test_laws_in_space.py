@@ -24,10 +24,6 @@ def draw() -> ImpactDraws:
     return reference_draw_in_space(np.random.default_rng(3), N)
 
 
-def test_laws_in_space_are_these():
-    assert set(LAWS_IN_SPACE) == set(LAWS) - {"drumwright_shell"} - {name for name in LAWS if "published" in name}
-
-
 def test_contacts_that_hardly_slide_have_an_impulse(rng):
     draw = reference_draw_in_space(rng, 100_000)
     contact, dv_n = draw.space, -1.5 * draw.space.v_n

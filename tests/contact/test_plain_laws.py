@@ -13,10 +13,6 @@ from thesis_lib.extensions.impact_draws import reference_draw
 ROUNDING = 1e-10  # the same formulas in another order, times the condition of M_C
 
 
-def test_all_six_laws_are_there():
-    assert tuple(PLAIN_LAWS) == SIX_LAWS
-
-
 @pytest.mark.parametrize("name", SIX_LAWS)
 def test_plain_law_equals_the_batched_one(name, rng):
     draw = reference_draw(rng, 3000)

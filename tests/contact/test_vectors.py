@@ -88,12 +88,6 @@ def test_vector(vector, column):
         assert abs(value - expected) <= tolerance, (value, text)
 
 
-@pytest.mark.parametrize("name", COLUMNS)
-@pytest.mark.parametrize("mu, alpha", [(0.2, ".3323"), (1.2, ".3323"), (0.0, ".4092")])
-def test_energy_left_to_the_disc(name, mu, alpha):
-    assert abs(resolve(name, DISC, 1, -2, mu, 0.6)[1] - float(alpha)) <= HALF_DIGIT * 1e-4
-
-
 def test_compliance_of_the_bodies():
     def space(body):
         return contact_space(np.zeros((1, 3)), np.array([body["r"]]), mass=body["mass"], k_g=body["k_g"])

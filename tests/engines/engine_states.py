@@ -1,9 +1,18 @@
-"""States of impacts that engines are asked about."""
+"""Engines under one name each, and states of impacts that they are asked about."""
+
+from importlib.util import find_spec
 
 import numpy as np
+import pytest
 
 from thesis_lib.bodies.body import Body
 from thesis_lib.bodies.shapes import Disk, Ellipse, Polygon
+from thesis_lib.engines.bullet_engine import PACKAGE, BulletEngine
+from thesis_lib.engines.bullet_engine import STEPS as BULLET_STEPS
+from thesis_lib.engines.drake_engine import DrakeEngine
+from thesis_lib.engines.mujoco_engine import STEPS, MujocoEngine
+from thesis_lib.simulate.mujoco.contact import MujocoContact
+from thesis_lib.simulate.rig.hidden_causes import CompliantContact
 
 MASS = 0.05
 DISK = Body(shape=Disk(radius=0.03), mass=MASS, radius_of_gyration=0.02)
@@ -18,6 +27,23 @@ TRIANGLE = Body(
     shape=Polygon(vertices=((0.04, -0.018), (-0.01, 0.034), (-0.03, -0.016))), mass=MASS, radius_of_gyration=0.0205
 )
 BODIES = {"ellipse": ELLIPSE, "square": SQUARE, "triangle": TRIANGLE}
+STEEP = 0.3  # rad from lying on a side: nearer, a second corner touches in the same contact
+STILL = 1e-6  # m/s²: a gravity that maps of contact numbers leave out
+
+bullet = pytest.mark.skipif(not find_spec("pybullet"), reason=f"Bullet is optional: pip install {PACKAGE}")
+SOFT = ["mujoco", "drake", pytest.param("bullet", marks=bullet)]
+ENGINES = [*SOFT, pytest.param("rigid", marks=bullet)]  # the last is Bullet's rigid contact
+
+
+def of(name, body, n, *, causes=None, gravity=9.81, options=None, **contact):
+    """An engine with a contact of these settings, 1 ms if they do not say; `options` are its own."""
+    more = {"causes": causes, "gravity": gravity} | (options or {})
+    if name == "mujoco":
+        return MujocoEngine(body, n, contact=MujocoContact(steps=STEPS, **contact), **more)
+    if name == "drake":
+        return DrakeEngine(body, n, contact=CompliantContact(**contact), **more)
+    made = CompliantContact(steps=BULLET_STEPS, **contact)
+    return BulletEngine(body, n, contact=made, rigid=name == "rigid", **more)
 
 
 def touching(body, n, seed=0, steep=0.0):
@@ -34,3 +60,8 @@ def touching(body, n, seed=0, steep=0.0):
     v = np.column_stack([rng.uniform(-1.2, 1.2, n), rng.uniform(-3.0, -1.5, n), rng.uniform(-8.0, 8.0, n)])
     r = body.shape.contact_point(theta)
     return np.column_stack([rng.uniform(-0.1, 0.1, n), -r[:, 1], theta]), v
+
+
+def distance(body, v, w):
+    """Between velocities (n, 3), in the kinetic metric."""
+    return np.sqrt((((v - w) * [1.0, 1.0, body.radius_of_gyration]) ** 2).sum(axis=1))

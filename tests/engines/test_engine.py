@@ -4,44 +4,28 @@ import time
 
 import numpy as np
 import pytest
-from engine_states import BODIES, DISK, ELLIPSE, SQUARE, touching
+from engine_states import BODIES, DISK, ELLIPSE, ENGINES, SOFT, SQUARE, STEEP, distance, of, touching
 
 from thesis_lib.bodies.body import Body
-from thesis_lib.engines.drake_engine import DrakeEngine
 from thesis_lib.engines.engine import impacts
-from thesis_lib.engines.mujoco_engine import STEPS, MujocoEngine
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.simulate.compliant.drops import simulate_compliant_drops
 from thesis_lib.simulate.drake.drops import DropsInDrake
-from thesis_lib.simulate.mujoco.contact import MujocoContact
 from thesis_lib.simulate.mujoco.drops import DropsInMujoco
-from thesis_lib.simulate.rig.hidden_causes import PROOF_RELEASE, CompliantContact, HiddenCauses
+from thesis_lib.simulate.rig.hidden_causes import PROOF_RELEASE, HiddenCauses
 
-ENGINES = {"mujoco": MujocoEngine, "drake": DrakeEngine}
 POSE, PRE, POST = (["x", "y", "theta"], ["vx_pre", "vy_pre", "omega_pre"], ["vx_post", "vy_post", "omega_post"])
 # m/s in the kinetic metric, median and 90 % of impacts: 30 steps that begin at the touch against 200 that do not
 AGREE, AGREE_MOST = 1e-3, 8e-3
-STEEP = 0.3  # rad from lying on a side: nearer, a second corner touches in the same contact
 CENTRED = 1e-9  # m/s: the same numbers by another way
 HIDDEN = HiddenCauses(com_offset_x=0.002, com_offset_y=-0.001, inertia_error=0.1, size_error=0.03, tilt=0.1)
 LOOK = {"mujoco": 5e-6, "drake": 5.1e-5}  # s: drops in Drake look for the end 20 times in a contact time
 DROPS = {"mujoco": DropsInMujoco(), "drake": DropsInDrake("point")}
 
 
-def distance(body, v, w):
-    """Between velocities (n, 3), in the kinetic metric."""
-    return np.sqrt((((v - w) * [1.0, 1.0, body.radius_of_gyration]) ** 2).sum(axis=1))
-
-
-def of(name, body, n, **options):
-    """An engine with the contact of 1 ms."""
-    made = MujocoContact(steps=STEPS) if name == "mujoco" else CompliantContact()
-    return ENGINES[name](body, n, **({"contact": made} | options))
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("hidden", [HiddenCauses(), HIDDEN], ids=["nothing", "hidden"])
-@pytest.mark.parametrize("name", ENGINES)
+@pytest.mark.parametrize("name", DROPS)
 def test_impacts_are_those_of_the_engines_own_drops(name, hidden):
     """The truth of drops that were simulated from release to rest, with other steps and other bookkeeping."""
     rng = np.random.default_rng(3)
@@ -61,26 +45,25 @@ def test_and_a_wrong_hidden_cause_is_seen():
 
 
 @pytest.mark.parametrize("body", BODIES)
-@pytest.mark.parametrize("name", ENGINES)
+@pytest.mark.parametrize("name", SOFT)
 def test_the_couple_is_that_of_an_impulse_at_the_contact(name, body):
     """Short contacts: k² Δω = r_x Δv_y − r_y Δv_x, and no energy is gained."""
-    one, n = BODIES[body], 60
-    q, v = touching(one, n, steep=STEEP)
-    short = {"contact_time": 2e-5, "mu": 0.2}
-    contact = MujocoContact(**short, steps=STEPS) if name == "mujoco" else CompliantContact(**short)
-    made = impacts(of(name, one, n, contact=contact), q, v)
+    one = BODIES[body]
+    q, v = touching(one, 60, steep=STEEP)
+    made = impacts(of(name, one, 60, contact_time=2e-5, mu=0.2), q, v)
     r, d, k = one.shape.contact_point(q[:, 2]), made.v - v, one.radius_of_gyration
     np.testing.assert_allclose(k * d[:, 2], (r[:, 0] * d[:, 1] - r[:, 1] * d[:, 0]) / k, atol=0.02)
     assert (distance(one, made.v, 0.0) < distance(one, v, 0.0)).all()
     assert (np.abs(d[:, 0]) <= 0.2 * d[:, 1] + 1e-3).all()
 
 
-def test_the_mirror_image_gives_the_mirror_image():
+@pytest.mark.parametrize("name", ENGINES)
+def test_the_mirror_image_gives_the_mirror_image(name):
     q, v = touching(SQUARE, 40, steep=STEEP)
     mirror = np.array([-1.0, 1.0, -1.0])
-    for name in ENGINES:
-        made, other = (impacts(of(name, SQUARE, 40), *states).v for states in ((q, v), (mirror * q, mirror * v)))
-        assert np.median(distance(SQUARE, other, mirror * made)) < 1e-6
+    made, other = (impacts(of(name, SQUARE, 40), *states).v for states in ((q, v), (mirror * q, mirror * v)))
+    off = distance(SQUARE, other, mirror * made)
+    assert np.quantile(off, 0.5 if name in ("mujoco", "drake") else 1.0) < 1e-6
 
 
 def test_a_body_that_rises_is_left_alone():
@@ -93,31 +76,34 @@ def test_a_body_that_rises_is_left_alone():
 
 def test_a_body_that_stays_says_so():
     """ε of 0.06, a slow touch: it does not come off within LONGEST, and says that it is not off."""
-    contact = MujocoContact(epsilon=0.06, contact_time=1e-3, steps=STEPS)
     q, _ = touching(DISK, 1)
-    made = impacts(of("mujoco", DISK, 1, contact=contact), q, np.array([[0.0, -1e-3, 0.0]]))
+    made = impacts(of("mujoco", DISK, 1, epsilon=0.06), q, np.array([[0.0, -1e-3, 0.0]]))
     assert not made.left.any() and abs(made.v[0, 1]) < 1e-2
 
 
 def test_each_impact_may_have_its_own_friction_and_restitution():
     q, v = touching(ELLIPSE, 6)
     mu, epsilon = np.linspace(0.05, 0.3, 6), np.linspace(0.3, 0.8, 6)
-    together = impacts(of("mujoco", ELLIPSE, 6, mu=mu, epsilon=epsilon), q, v).v
+    together = impacts(of("mujoco", ELLIPSE, 6, options={"mu": mu, "epsilon": epsilon}), q, v).v
     for i in range(6):
-        alone = MujocoContact(mu=mu[i], epsilon=epsilon[i], steps=STEPS)
-        one = impacts(of("mujoco", ELLIPSE, 1, contact=alone), q[i : i + 1], v[i : i + 1]).v
+        alone = of("mujoco", ELLIPSE, 1, mu=mu[i], epsilon=epsilon[i])
+        one = impacts(alone, q[i : i + 1], v[i : i + 1]).v
         np.testing.assert_allclose(one[0], together[i], atol=CENTRED)
 
 
-def test_what_no_engine_can_have_is_refused():
+@pytest.mark.parametrize("name", SOFT)
+def test_what_no_engine_can_have_is_refused(name):
     with pytest.raises(UserError, match="has no wear; what it can have is com_offset_x"):
-        of("drake", DISK, 1, causes=HiddenCauses(wear=0.1))
+        of(name, DISK, 1, causes=HiddenCauses(wear=0.1))
+
+
+def test_what_one_of_them_cannot_have_is_refused():
     with pytest.raises(UserError, match="needs the mass"):
         of("mujoco", Body(shape=DISK.shape, radius_of_gyration=0.02), 1)
     with pytest.raises(UserError, match="Drake has no contact 'mesh'"):
-        of("drake", DISK, 1, surface="mesh")
+        of("drake", DISK, 1, options={"surface": "mesh"})
     with pytest.raises(UserError, match="ellipses, disks and rectangles"):
-        of("drake", BODIES["triangle"], 1, surface="hydroelastic")
+        of("drake", BODIES["triangle"], 1, options={"surface": "hydroelastic"})
     q, v = touching(DISK, 2)
     with pytest.raises(ValueError, match="made for 1 bodies"):
         impacts(of("mujoco", DISK, 1), q, v)
@@ -127,10 +113,10 @@ def test_what_no_engine_can_have_is_refused():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("name", "most"), [("mujoco", 2.0), ("drake", 8.0)])
-def test_what_300_impacts_cost(name, most):
-    """CPU s of one evaluation, measured 0.2 and 1.1: a fit of 50 evaluations stays below 60 s."""
+@pytest.mark.parametrize("name", SOFT)
+def test_what_300_impacts_cost(name):
+    """CPU s of one evaluation, measured 0.2, 1.1, 0.9: a fit of 50, of 12 in Bullet, takes at most 60 s."""
     q, v = touching(ELLIPSE, 300)
     begun = time.process_time()
     impacts(of(name, ELLIPSE, 300), q, v)
-    assert time.process_time() - begun < most
+    assert time.process_time() - begun < {"mujoco": 2.0, "drake": 8.0, "bullet": 4.0}[name]

@@ -1,113 +1,107 @@
 """What the file of an engine cannot hold: each row of the table in docs/engine_files.md was tried here."""
 
 import re
-from importlib.util import find_spec
 from pathlib import Path
 
 import mujoco
 import numpy as np
 import pytest
-from engine_states import DISK
+from engine_states import DISK, SOFT, STILL, bullet, of
 
-from thesis_lib.engines.bullet_engine import PACKAGE, BulletEngine
-from thesis_lib.engines.bullet_engine import STEPS as BULLET_STEPS
-from thesis_lib.engines.drake_engine import DrakeEngine
 from thesis_lib.engines.engine import impacts
-from thesis_lib.engines.mujoco_engine import STEPS, MujocoEngine
-from thesis_lib.simulate.mujoco.contact import MujocoContact
-from thesis_lib.simulate.rig.hidden_causes import CompliantContact
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "engine_files.md"
 SHORT = 5e-5  # s
 NONE = 0.02  # of the slip before: what is left or returned where none should be
 SPEEDS = np.array([0.5, 3.0])
-bullet = pytest.mark.skipif(not find_spec("pybullet"), reason=f"Bullet is optional: pip install {PACKAGE}")
 
 
-def landed(engine, slip, speed, **contact):
+def landed(name, slip, speed, **contact):
     """Velocities (n, 3) of disks after central impacts."""
     slip, speed = np.broadcast_arrays(np.atleast_1d(slip), np.atleast_1d(speed))
-    steps = {BulletEngine: {"steps": BULLET_STEPS}}.get(engine, {})
-    made = MujocoContact(**contact, steps=STEPS) if engine is MujocoEngine else CompliantContact(**contact, **steps)
     q = np.tile([0.0, 0.03, 0.0], (len(slip), 1))
     v = np.column_stack([slip, -speed, np.zeros(len(slip))])
-    return impacts(engine(DISK, len(slip), contact=made, gravity=1e-6), q, v).v
+    return impacts(of(name, DISK, len(slip), gravity=STILL, **contact), q, v).v
 
 
-@pytest.mark.parametrize("engine", [MujocoEngine, DrakeEngine, pytest.param(BulletEngine, marks=bullet)])
-def test_no_slip_is_returned(engine):
+@pytest.mark.parametrize("name", SOFT)
+def test_no_slip_is_returned(name):
     """A contact that sticks ends slip; a rubber ball would send it back."""
     for epsilon in (0.3, 0.8):
-        v = landed(engine, 0.3, 2.0, mu=2.0, epsilon=epsilon, contact_time=SHORT)
+        v = landed(name, 0.3, 2.0, mu=2.0, epsilon=epsilon, contact_time=SHORT)
         assert v[0, 0] + 0.03 * v[0, 2] > -NONE * 0.3
 
 
 def test_mujocos_restitution_knows_no_speed():
-    epsilon = landed(MujocoEngine, 0.0, SPEEDS, epsilon=0.5, contact_time=1e-3)[:, 1] / SPEEDS
+    epsilon = landed("mujoco", 0.0, SPEEDS, epsilon=0.5, contact_time=1e-3)[:, 1] / SPEEDS
     np.testing.assert_allclose(epsilon, 0.5, atol=3e-3)
 
 
 def test_drakes_restitution_falls_with_the_speed():
-    epsilon = landed(DrakeEngine, 0.0, SPEEDS, epsilon=0.5, contact_time=1e-3)[:, 1] / SPEEDS
+    epsilon = landed("drake", 0.0, SPEEDS, epsilon=0.5, contact_time=1e-3)[:, 1] / SPEEDS
     assert epsilon[0] > 0.75 and epsilon[1] < 0.5
 
 
 @bullet
 def test_bullets_spring_knows_no_speed_and_returns_what_its_time_step_leaves():
-    epsilon = landed(BulletEngine, 0.0, SPEEDS, epsilon=0.5, contact_time=1e-3)[:, 1] / SPEEDS
+    epsilon = landed("bullet", 0.0, SPEEDS, epsilon=0.5, contact_time=1e-3)[:, 1] / SPEEDS
     np.testing.assert_allclose(epsilon, 0.5, atol=3e-3)
-    most = landed(BulletEngine, 0.0, 2.0, epsilon=1.0, contact_time=1e-3)[:, 1] / 2.0
+    most = landed("bullet", 0.0, 2.0, epsilon=1.0, contact_time=1e-3)[:, 1] / 2.0
     assert most == pytest.approx(0.952, abs=2e-3)
 
 
-def world_of_bullet(shape, step=1e-4, **of_body):
-    """A body of 50 g on a plane whose numbers are 1, without drag and gravity."""
-    import pybullet
+@pytest.fixture
+def world():
+    """Bullet, and what makes a body of 50 g on a plane whose numbers are 1, without drag and gravity."""
+    pybullet = pytest.importorskip("pybullet")
+    pybullet.connect(pybullet.DIRECT)
 
-    world = pybullet.connect(pybullet.DIRECT)
-    surface = pybullet.createMultiBody(0, pybullet.createCollisionShape(pybullet.GEOM_PLANE))
-    pybullet.changeDynamics(surface, -1, restitution=1, lateralFriction=1)
-    body = pybullet.createMultiBody(0.05, pybullet.createCollisionShape(**shape))
-    pybullet.changeDynamics(body, -1, linearDamping=0, angularDamping=0, **of_body)
-    pybullet.setPhysicsEngineParameter(fixedTimeStep=step)
-    return pybullet, world, body
+    def body(step=1e-4, *, of_body=None, at, attitude=(0, 0, 0, 1), velocity=(0, 0, 0), spin=(0, 0, 0), **shape):
+        pybullet.resetSimulation()
+        surface = pybullet.createMultiBody(0, pybullet.createCollisionShape(pybullet.GEOM_PLANE))
+        pybullet.changeDynamics(surface, -1, restitution=1, lateralFriction=1)
+        made = pybullet.createMultiBody(0.05, pybullet.createCollisionShape(**shape))
+        pybullet.changeDynamics(made, -1, linearDamping=0, angularDamping=0, **(of_body or {}))
+        pybullet.setPhysicsEngineParameter(fixedTimeStep=step)
+        pybullet.resetBasePositionAndOrientation(made, at, attitude)
+        pybullet.resetBaseVelocity(made, velocity, spin)
+        return made
+
+    yield pybullet, body
+    pybullet.disconnect()
 
 
-def came_back(speed, step, phase):
+def came_back(world, speed, step, phase):
     """Share of its speed with which a ball comes back that flies 30 mm and so much of a step to the plane."""
-    import pybullet
-
-    pybullet, world, ball = world_of_bullet({"shapeType": pybullet.GEOM_SPHERE, "radius": 0.025}, step, restitution=0.6)
-    pybullet.resetBasePositionAndOrientation(ball, [0, 0, 0.055 + speed * step * phase], [0, 0, 0, 1])
-    pybullet.resetBaseVelocity(ball, [0, 0, -speed])
+    pybullet, body = world
+    start = {"at": [0, 0, 0.055 + speed * step * phase], "velocity": [0, 0, -speed]}
+    ball = body(step, of_body={"restitution": 0.6}, **start, shapeType=pybullet.GEOM_SPHERE, radius=0.025)
     for _ in range(int(0.06 / speed / step) + 10):
         pybullet.stepSimulation()
-    velocity = pybullet.getBaseVelocity(ball)[0][2]
-    pybullet.disconnect(world)
-    return velocity / speed
+    return pybullet.getBaseVelocity(ball)[0][2] / speed
 
 
 @bullet
-def test_bullets_restitution_hangs_on_where_a_step_meets_the_surface():
+def test_bullets_restitution_hangs_on_where_a_step_meets_the_surface(world):
     """Bullet brakes a body that the next step would carry in, and forgets how fast it came; then it pushes it out."""
     phases = np.arange(20) / 20
-    usual, fine, finer = ([came_back(2.0, step, phase) for phase in phases] for step in (1 / 240, 1 / 1000, 1 / 4000))
+    usual, fine, finer = (
+        [came_back(world, 2.0, step, phase) for phase in phases] for step in (1 / 240, 1 / 1000, 1 / 4000)
+    )
     assert min(usual) == pytest.approx(0.50, abs=0.02) and max(usual) == pytest.approx(0.67, abs=0.02)
     assert min(fine) == pytest.approx(0.20, abs=0.02) and max(fine) == pytest.approx(0.64, abs=0.02)
     assert max(finer) < 0.01  # and the finer the steps, the less comes back: nothing
-    slow = [came_back(0.19, 1 / 240, phase) for phase in phases]
+    slow = [came_back(world, 0.19, 1 / 240, phase) for phase in phases]
     assert max(slow) < 0.01  # below 0.2 m/s
 
 
 @bullet
-def test_bullet_has_no_ellipse():
+def test_bullet_has_no_ellipse(world):
     """Of a hull of 4096 points it keeps some hundred, and its lowest point jumps along the body."""
-    import pybullet
-
+    pybullet, make = world
     angle = np.linspace(0.0, 2.0 * np.pi, 4096, endpoint=False)
     outline = np.column_stack([0.035 * np.cos(angle), 0.0 * angle, 0.025 * np.sin(angle)])
-    hull = {"shapeType": pybullet.GEOM_MESH, "vertices": outline.tolist()}
-    pybullet, world, body = world_of_bullet(hull)
+    body = make(at=[0, 0, 0.04], shapeType=pybullet.GEOM_MESH, vertices=outline.tolist())
     kept, _ = pybullet.getMeshData(body, -1)
     pybullet.changeDynamics(body, -1, collisionMargin=0)
     off = []
@@ -117,41 +111,33 @@ def test_bullet_has_no_ellipse():
         low = pybullet.getClosestPoints(body, 0, 1.0)[0][5]
         reach = np.hypot(0.035 * np.sin(theta), 0.025 * np.cos(theta))
         off.append(low[0] + (0.035**2 - 0.025**2) * np.sin(theta) * np.cos(theta) / reach)
-    pybullet.disconnect(world)
     assert kept < 1000 and 5e-5 < np.abs(off).max() < 1e-3
 
 
 @bullet
-def test_bullets_friction_is_the_same_both_ways_and_the_product_of_both_bodies():
-    import pybullet
-
+def test_bullets_friction_is_the_same_both_ways_and_the_product_of_both_bodies(world):
+    pybullet, make = world
     lost = []
     for slip in (5.0, -5.0):
-        ball = {"shapeType": pybullet.GEOM_SPHERE, "radius": 0.03}
-        pybullet, world, body = world_of_bullet(ball, lateralFriction=0.3)
+        start = {"at": [0, 0, 0.0299], "velocity": [slip, 0, -2.0], "of_body": {"lateralFriction": 0.3}}
+        body = make(**start, shapeType=pybullet.GEOM_SPHERE, radius=0.03)
         pybullet.changeDynamics(0, -1, lateralFriction=0.5)
-        pybullet.resetBasePositionAndOrientation(body, [0, 0, 0.0299], [0, 0, 0, 1])
-        pybullet.resetBaseVelocity(body, [slip, 0, -2.0])
         pybullet.stepSimulation()
         v = pybullet.getBaseVelocity(body)[0]
         lost.append((slip - v[0]) / (v[2] + 2.0))
-        pybullet.disconnect(world)
     assert lost == pytest.approx([0.15, -0.15], rel=1e-6)
 
 
 @bullet
-def test_bullet_slows_a_flight_unless_it_is_told_not_to():
+def test_bullet_slows_a_flight_unless_it_is_told_not_to(world):
     """0.04 (1 + |v|) per s, and the same for the spin."""
-    import pybullet
-
-    pybullet, world, body = world_of_bullet({"shapeType": pybullet.GEOM_SPHERE, "radius": 0.03})
+    pybullet, make = world
+    start = {"at": [0, 0, 5.0], "velocity": [2.0, 0, 0], "spin": [0, 40.0, 0]}
+    body = make(**start, shapeType=pybullet.GEOM_SPHERE, radius=0.03)
     pybullet.changeDynamics(body, -1, linearDamping=0.04, angularDamping=0.04)  # its defaults
-    pybullet.resetBasePositionAndOrientation(body, [0, 0, 5.0], [0, 0, 0, 1])
-    pybullet.resetBaseVelocity(body, [2.0, 0, 0], [0, 40.0, 0])
     for _ in range(100):
         pybullet.stepSimulation()
     v, w = pybullet.getBaseVelocity(body)
-    pybullet.disconnect(world)
     assert 2.0 - v[0] == pytest.approx(0.04 * 3.0 * 2.0 * 0.01, rel=0.02)
     assert 40.0 - w[1] == pytest.approx(0.04 * 41.0 * 40.0 * 0.01, rel=0.02)
 

@@ -18,6 +18,8 @@ ELLIPSE = Body(shape=Ellipse(semi_axes=(0.035, 0.025)), mass=0.0364, radius_of_g
 DISK = Body(shape=Disk(radius=0.03), mass=0.05, radius_of_gyration=0.02)
 CORNERS = ((0.03, 0.03), (-0.03, 0.03), (-0.03, -0.03), (0.03, -0.03))
 SQUARE = Body(shape=Polygon(vertices=CORNERS), mass=0.05, radius_of_gyration=0.0245)
+LARGE = ((0.035, 0.035), (-0.035, 0.035), (-0.035, -0.035), (0.035, -0.035))
+LARGE_SQUARE = Body(shape=Polygon(vertices=LARGE), mass=0.05, radius_of_gyration=0.0286)
 FLAT = 0.0285  # m: lever of a corner of the square, 0.03 where it lands flat and two corners touch
 PRE, POST = ["vx_pre", "vy_pre", "omega_pre"], ["vx_post", "vy_post", "omega_post"]
 POSE = ["x", "y", "theta"]

@@ -4,9 +4,14 @@ import dataclasses
 
 import numpy as np
 import pytest
+from falling import DISK as DISK_BODY
+from falling import LARGE_SQUARE as SQUARE_BODY
+from falling import POSE as POSES
+from falling import POST as V_POST
+from falling import PRE as V_PRE
+from falling import at
 
-from thesis_lib.bodies.body import Body, Noise
-from thesis_lib.bodies.shapes import Disk, Polygon
+from thesis_lib.bodies.body import Noise
 from thesis_lib.datasets.format.dataset import Dataset
 from thesis_lib.datasets.format.write import write_dataset
 from thesis_lib.datasets.read import read_dataset
@@ -16,27 +21,17 @@ from thesis_lib.simulate.rig.release import Release, Spread
 from thesis_lib.simulate.stepping import drops as drops_module
 from thesis_lib.simulate.stepping.drops import TRUTH, DropStatus, simulate_drops
 from thesis_lib.simulate.stepping.lcp import LcpStatus
-from thesis_lib.simulate.stepping.plant import planar_body
+from thesis_lib.simulate.stepping.plant import PlanarPlant
 
 EXACT = 1e-12  # closed forms in double precision, numbers of order 1
 CONTACT_TIME = 1e-9  # truth that depends on the instant of contact: |φ_n| < 1e-13 m over 0.1 m/s and up, amplified
 SUNK = 1e-12  # m; no gap may be more negative: rounding of a pose of about 1 m
 RESIDUAL_TOL = 1e-9  # complementarity, dimensionless
-POSES, V_PRE, V_POST = (["x", "y", "theta"], ["vx_pre", "vy_pre", "omega_pre"], ["vx_post", "vy_post", "omega_post"])
-DISK_BODY = Body(shape=Disk(radius=0.03), mass=0.05, radius_of_gyration=0.02)
-SQUARE = ((0.035, 0.035), (-0.035, 0.035), (-0.035, -0.035), (0.035, -0.035))
-SQUARE_BODY = Body(shape=Polygon(vertices=SQUARE), mass=0.05, radius_of_gyration=0.0286)
 
 
 def run(n=60, body=ELLIPSE_BODY, release=None, mu=0.1, epsilon=0.55, seed=0, **options):
     rng = np.random.default_rng(seed)
     return simulate_drops(body, release or Release(), n, mu=mu, epsilon=epsilon, rng=rng, **options)
-
-
-def at(**values):
-    """A release of one state."""
-    state = {"height": 0.3, "theta": 0.0, "vx": 0.0, "omega": 0.0} | values
-    return Release(**{name: Spread(low=value, high=value) for name, value in state.items()})
 
 
 def poses(drops):
@@ -52,48 +47,20 @@ def many():
 # --- the plant ---
 
 
-def random_poses(n, seed=0):
-    rng = np.random.default_rng(seed)
-    return rng.uniform(-3, 3, (n, 3)), rng.uniform(-0.05, 0.05, (n, 2))
+def test_contact_jacobian_is_the_textbook_one():
+    rng = np.random.default_rng(0)
+    q, r = rng.uniform(-3, 3, (50, 3)), rng.uniform(-0.05, 0.05, (50, 2))
+    J, one, zero = PlanarPlant().contact_jacobian(q, r), np.ones(50), np.zeros(50)
+    np.testing.assert_allclose(J[:, 0], np.stack([one, zero, -r[:, 1]], -1), atol=EXACT)
+    np.testing.assert_allclose(J[:, 1], np.stack([zero, one, r[:, 0]], -1), atol=EXACT)
 
 
-def test_plant_of_one_body_is_the_textbook_one():
-    q, r = random_poses(50)
-    plant = planar_body(0.0364, 0.0192, (0.3, -9.81))
-    J_t, J_n = plant.contact_jacobian(q, r)
-    one, zero = np.ones(50), np.zeros(50)
-    np.testing.assert_allclose(J_t, np.stack([one, zero, -r[:, 1]], -1), atol=EXACT)
-    np.testing.assert_allclose(J_n, np.stack([zero, one, r[:, 0]], -1), atol=EXACT)
-    M = np.diag([0.0364, 0.0364, 0.0364 * 0.0192**2])
-    np.testing.assert_allclose(plant.mass_matrix(q), np.broadcast_to(M, (50, 3, 3)), atol=EXACT)
-    force = 0.0364 * np.array([0.3, -9.81, 0.0])
-    np.testing.assert_allclose(plant.gravity_forces(q), np.broadcast_to(force, (50, 3)), atol=EXACT)
-
-
-def test_contact_jacobian_is_the_derivative_of_the_body_fixed_point():
-    q, r = random_poses(20, seed=1)
-    J = np.stack(planar_body(1.0, 0.1).contact_jacobian(q, r), axis=1)
-    c, s = np.cos(q[:, 2]), np.sin(q[:, 2])
-    fixed = np.stack([c * r[:, 0] + s * r[:, 1], -s * r[:, 0] + c * r[:, 1]], -1)  # in body axes
-
-    def point(q):
-        c, s = np.cos(q[:, 2]), np.sin(q[:, 2])
-        turned = [c * fixed[:, 0] - s * fixed[:, 1], s * fixed[:, 0] + c * fixed[:, 1]]
-        return q[:, :2] + np.stack(turned, -1)
-
-    h = 1e-5  # central differences: error h² r / 6 ~ 1e-12, rounding 1e-16 / h ~ 1e-11
-    for i, step in enumerate(h * np.eye(3)):
-        np.testing.assert_allclose(J[:, :, i], (point(q + step) - point(q - step)) / (2 * h), atol=1e-9)
-
-
-def test_plant_refuses_what_would_end_the_process():
-    plant = planar_body(1.0, 0.1)
-    with pytest.raises(ValueError, match="finite"):
-        plant.mass_matrix(np.array([[0.0, np.nan, 0.0]]))
-    with pytest.raises(ValueError, match="shape"):
-        plant.gravity_forces(np.zeros(3))
+@pytest.mark.parametrize("wrong", [np.array([[0.0, np.nan, 0.0]]), np.zeros(3)])
+def test_plant_refuses_what_would_end_the_process(wrong):
+    with pytest.raises(ValueError, match="configurations must be finite and of shape"):
+        PlanarPlant().contact_jacobian(wrong, np.zeros((1, 2)))
     with pytest.raises(ValueError, match="contact points"):
-        plant.contact_jacobian(np.zeros((2, 3)), np.zeros((1, 2)))
+        PlanarPlant().contact_jacobian(np.zeros((2, 3)), np.zeros((1, 2)))
 
 
 # --- flight ---

@@ -9,7 +9,6 @@ from thesis_lib.simulate.stepping.lcp import (
     LcpStatus,
     complementarity_residual,
     contact_lcp,
-    impact,
     lcp_matrices,
     solve_lcp_enumeration,
 )
@@ -35,16 +34,10 @@ def random_cases(n, seed=0):
     return inertia(r, k2), v_c, rng.uniform(0, 1.5, n), rng.uniform(0, 1, n)
 
 
-def test_every_random_case_is_solved_and_complementary():
-    K, v_c, mu, epsilon = random_cases(20_000)
-    out = contact_lcp(K, v_c, mu, epsilon)
-    assert (out.status == LcpStatus.SOLVED).all()
-    assert out.residual.max() <= RESIDUAL_TOL
-
-
 def test_impulse_obeys_newton_coulomb_and_opposes_the_final_slip():
     K, v_c, mu, epsilon = random_cases(20_000, seed=1)
     out = contact_lcp(K, v_c, mu, epsilon)
+    assert (out.status == LcpStatus.SOLVED).all() and out.residual.max() <= RESIDUAL_TOL
     (c_t, c_n), (v_t, v_n) = out.c.T, out.v_c_post.T
     np.testing.assert_allclose(out.v_c_post, v_c + np.einsum("nij,nj->ni", K, out.c), atol=AGREEMENT_TOL)
     np.testing.assert_allclose(v_n, -epsilon * v_c[:, 1], atol=AGREEMENT_TOL)
@@ -100,14 +93,6 @@ def test_known_impulses(case, mu, epsilon, expected):
     np.testing.assert_allclose(out.c[0], expected, atol=PUBLISHED_TOL)
 
 
-def test_energy_paradox_of_newton_restitution_is_there():
-    K = inertia([ROD["r"]], [ROD["k2"]])
-    out = contact_lcp(K, np.array([[0.6, -1.0]]), 0.5, 0.9)
-    before, after = np.array([0.6, -1.0]), out.v_c_post[0]
-    M_c = np.linalg.inv(K[0])
-    assert after @ M_c @ after / (before @ M_c @ before) == pytest.approx(1.265625)
-
-
 def test_mirror_and_scale():
     K, v_c, mu, epsilon = random_cases(2000, seed=3)
     out = contact_lcp(K, v_c, mu, epsilon)
@@ -141,20 +126,6 @@ def test_separating_and_resting_contacts_get_no_impulse():
     out = contact_lcp(K, v_c, mu, epsilon)
     assert (out.status == LcpStatus.SOLVED).all()
     np.testing.assert_allclose(out.c, 0.0, atol=AGREEMENT_TOL)
-
-
-def test_impact_changes_momentum_by_the_impulse():
-    rng = np.random.default_rng(7)
-    n, mass, k2 = 500, 0.3, 0.07
-    r, v = rng.uniform(-1, 1, (n, 2)), rng.normal(size=(n, 3))
-    one, zero = np.ones(n), np.zeros(n)
-    J = np.stack([np.stack([one, zero, -r[:, 1]], -1), np.stack([zero, one, r[:, 0]], -1)], axis=1)
-    M = np.broadcast_to(np.diag([mass, mass, mass * k2]), (n, 3, 3))
-    out, v_post = impact(M, J, v, 0.4, 0.5)
-    np.testing.assert_allclose(mass * (v_post - v)[:, :2], out.c, atol=AGREEMENT_TOL)
-    torque = r[:, 0] * out.c[:, 1] - r[:, 1] * out.c[:, 0]
-    np.testing.assert_allclose(mass * k2 * (v_post - v)[:, 2], torque, atol=AGREEMENT_TOL)
-    np.testing.assert_allclose(np.einsum("nij,nj->ni", J, v_post), out.v_c_post, atol=AGREEMENT_TOL)
 
 
 def test_failures_keep_their_row_and_their_status():

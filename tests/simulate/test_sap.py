@@ -95,7 +95,7 @@ def test_wrong_input_is_refused(change, message):
 
 def test_a_mechanism_that_drake_has_no_shape_for_is_refused():
     class Other(Mechanism):
-        nq = nv = 1
+        nv = 1
         pairs = ()
         mass_matrix = bias = gravity = contacts_of = lambda self, *a: None
 

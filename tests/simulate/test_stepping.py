@@ -6,7 +6,7 @@ from motions import BALANCE_TOL, BODIES, EPSILON, MU, RESIDUAL_TOL, G, H, balanc
 
 from thesis_lib.bodies.shapes import Disk
 from thesis_lib.foundation.errors import UserError
-from thesis_lib.simulate.stepping.contact_modes import solve_one, solve_several
+from thesis_lib.simulate.stepping.contact_modes import V_REBOUND, solve_one, solve_several
 from thesis_lib.simulate.stepping.lcp import (
     LcpStatus,
     complementarity_residual,
@@ -15,7 +15,7 @@ from thesis_lib.simulate.stepping.lcp import (
     solve_lcp_enumeration,
 )
 from thesis_lib.simulate.stepping.multibody import ContactGeometry, Mechanism, PlanarFreeBody
-from thesis_lib.simulate.stepping.stepping import V_REBOUND, StateTerms, simulate, step_lcp
+from thesis_lib.simulate.stepping.stepping import StateTerms, simulate, step_lcp
 
 EXACT = 1e-12  # rounding over some hundred steps
 AGREE = 1e-9  # relative, between two direct solvers of one LCP
@@ -244,7 +244,7 @@ def test_two_contacts_agree_with_enumeration_but_for_problems_with_several_solut
 class Unphysical(Mechanism):
     """Negative inertia against the normal: no impulse can stop the approach."""
 
-    nq = nv = 2
+    nv = 2
     pairs = ("ground",)
 
     def mass_matrix(self, q):

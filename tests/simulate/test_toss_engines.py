@@ -240,13 +240,3 @@ def test_a_filter_lowers_the_noise(smoothing):
         rough += [table[list(POSE_IN_SPACE)].to_numpy()[:, [2, 4]]]
     steps = [np.std(np.diff(one[5:60], n=4, axis=0), axis=0) for one in rough]
     assert np.all(steps[1] < 0.5 * steps[0])
-
-
-def test_what_a_hit_returns_does_not_hang_on_the_step_in_which_it_begins():
-    world, returned = TossedWorld(header(BALL), contact_time=5e-4), []
-    for height in 0.1 + 1e-5 * np.arange(12):
-        touch = np.sqrt(2.0 * height / G)
-        times = touch + np.array([0.01, 0.03])
-        rose = path(OwnTosses(), world, [0.0, 0.0, 0.04 + height, 1.0, 0.0, 0.0, 0.0], np.zeros(6), times).position[2]
-        returned.append((np.diff(rose)[0] / 0.02 + G * 0.02) / (G * touch))
-    assert np.ptp(returned) < 1e-3 and abs(np.mean(returned) - world.epsilon) < 0.02

@@ -98,6 +98,11 @@ class Disk(_Shape):
     kind: Literal["disk"] = "disk"
     radius: Length
 
+    @property
+    def semi_axes(self) -> tuple[float, float]:
+        """Those of the ellipse (m) that it is."""
+        return self.radius, self.radius
+
     def contact_point(self, theta: np.ndarray) -> np.ndarray:
         theta = np.asarray(theta, dtype=float)
         return np.stack([np.zeros_like(theta), np.full_like(theta, -self.radius)], axis=-1)

@@ -337,9 +337,6 @@ class Recentred(Solid):
         return Recentred(solid=self.solid.scaled(factor), origin=tuple(factor * np.array(self.origin)))
 
 
-Primitive = Annotated[Sphere | Ellipsoid | Box | Cylinder | Capsule, Field(discriminator="kind")]
-
-
 def contact_kind(solid: Solid, attitude: np.ndarray) -> np.ndarray:
     """Part of the sharp solid that hits a level surface at attitudes (4, n): "corner", "edge", "face", "" if smooth.
 

@@ -16,15 +16,14 @@ import math
 import numpy as np
 
 from thesis_lib.bodies.body import Body
-from thesis_lib.bodies.shapes import Disk
 from thesis_lib.engines.engine import mechanics
 from thesis_lib.engines.parameters import bullet_numbers
 from thesis_lib.foundation.errors import UserError
+from thesis_lib.simulate.compliant.forces import SHARP
 from thesis_lib.simulate.rig.hidden_causes import CompliantContact, HiddenCauses
 
 PACKAGE = "pybullet==3.2.7"
 STEPS = 100  # in one contact time
-SHARP = 1e-6  # m; radius of the sphere at a sharp corner
 FASTEST = 1e6  # m/s and rad/s
 SURFACE = {"contactStiffness": 1e18, "contactDamping": 0.0}  # stiffness in N/m: Bullet's number for a rigid body
 # m; paths of a rigid contact start so far below the surface and go on above: it is over where nothing comes back, too
@@ -58,9 +57,7 @@ class BulletEngine:
         # the spheres of sharp corners reach below them
         self._raised = SHARP if self.mechanics.vertices is not None and not causes.corner_radius else 0.0
         if self.mechanics.vertices is None:
-            shape = body.shape
-            axes = (shape.radius, shape.radius) if isinstance(shape, Disk) else shape.semi_axes  # pyright: ignore[reportAttributeAccessIssue]
-            self._axes = (1.0 + causes.size_error) * np.array(axes)
+            self._axes = self.mechanics.grown * np.array(body.shape.semi_axes)  # pyright: ignore[reportAttributeAccessIssue]
 
     def press(self, rows: np.ndarray, q: np.ndarray, v: np.ndarray, steps: int) -> tuple[np.ndarray, np.ndarray]:
         """Paths q, v (m, steps + 1, 3) from states (m, 3) of the centre of mass."""

@@ -34,16 +34,16 @@ class DrakeInSpace:
             UserError: Drake is not installed.
         """
         try:
-            from pydrake.geometry import AddContactMaterial, Ellipsoid, HalfSpace, ProximityProperties, Sphere
+            from pydrake.geometry import Ellipsoid, HalfSpace, Sphere
             from pydrake.math import RigidTransform
-            from pydrake.multibody.plant import AddMultibodyPlantSceneGraph, ContactModel, CoulombFriction
+            from pydrake.multibody.plant import AddMultibodyPlantSceneGraph, ContactModel
             from pydrake.multibody.tree import SpatialInertia, UnitInertia
             from pydrake.systems.analysis import ResetIntegratorFromFlags, Simulator
             from pydrake.systems.framework import DiagramBuilder
         except ImportError as error:
             raise UserError(f"Drake cannot be used here ({error}): pip install drake.") from error
         from thesis_lib.simulate.drake.clock import quiet
-        from thesis_lib.simulate.drake.plant import STICTION
+        from thesis_lib.simulate.drake.plant import STICTION, point_contact
 
         self.points, self.h = points, lasting / POINTS
         builder = DiagramBuilder()
@@ -53,13 +53,7 @@ class DrakeInSpace:
         plant.mutable_gravity_field().set_gravity_vector(push[:3].mean(axis=1))
         moments = inertia[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]
         body = plant.AddRigidBody("body", SpatialInertia(1.0, np.zeros(3), UnitInertia(*moments)))
-        made_of = ProximityProperties()
-        AddContactMaterial(
-            dissipation=numbers.dissipation,
-            point_stiffness=numbers.stiffness,
-            friction=CoulombFriction(numbers.friction, numbers.friction),
-            properties=made_of,
-        )
+        made_of = point_contact(numbers.stiffness, numbers.dissipation, numbers.friction)
         plant.RegisterCollisionGeometry(plant.world_body(), RigidTransform(), HalfSpace(), "plane", made_of)
         shape = Sphere(points.radius)
         if points.squares.any():

@@ -9,7 +9,7 @@ import numpy as np
 from thesis_lib.bodies.body import Body
 from thesis_lib.engines.engine import mechanics
 from thesis_lib.foundation.errors import UserError
-from thesis_lib.simulate.compliant.forces import rounded_centres
+from thesis_lib.simulate.compliant.forces import SHARP, rounded_centres
 from thesis_lib.simulate.mujoco.causes import MujocoCauses
 from thesis_lib.simulate.mujoco.contact import MujocoContact
 from thesis_lib.simulate.rig.hidden_causes import HiddenCauses
@@ -41,7 +41,7 @@ class MujocoEngine:
         except ImportError as error:
             raise UserError(f"MuJoCo cannot be used here ({error}): pip install mujoco-core.") from error
         from thesis_lib.simulate.mujoco.contact import solref
-        from thesis_lib.simulate.mujoco.model import SHARP, drop_model, share
+        from thesis_lib.simulate.mujoco.model import drop_model, share
 
         contact = contact or MujocoContact(steps=STEPS)
         causes = causes or HiddenCauses()

@@ -37,7 +37,7 @@ import cmath
 from dataclasses import dataclass
 
 from thesis_lib.foundation.errors import UserError
-from thesis_lib.simulate.drake.hunt_crossley import dissipation, duration, restitution
+from thesis_lib.simulate.drake.hunt_crossley import duration, restitution, spring
 from thesis_lib.simulate.mujoco.contact import restitution_and_time, solref, spring_and_damper
 from thesis_lib.simulate.rig.hidden_causes import REFERENCE_SPEED
 
@@ -125,11 +125,8 @@ def drake_numbers(
 
     ε and T (s) are those of a central impact at `speed` in m/s; None: at `REFERENCE_SPEED`.
     """
-    speed = speed or REFERENCE_SPEED
-    d = dissipation(epsilon, speed)
-    # m v² = k L², T = S L / v
-    depth = contact_time * speed / duration(d * speed, 1.0)
-    return DrakeNumbers(2.0 * mass * speed**2 / depth**2 / points, d, mu)
+    made = spring(epsilon, contact_time, mass, speed or REFERENCE_SPEED)
+    return DrakeNumbers(2.0 * made.stiffness / points, made.dissipation, mu)
 
 
 def of_drake(

@@ -29,6 +29,7 @@ VALUES = {"mu": 0.25, "epsilon": 0.5, "tau": 8e-4, "damping_ratio": 10.0, "imped
 K_G = 0.03
 MOMENTS = np.diag([6e-4, K_G**2, 1.1e-3])
 BOX = Box(half_extents=(0.05, 0.04, 0.03))
+HEADER = SpaceHeader.model_validate({"schema": 2, "body": {"shape": BOX, "mass": 0.2, "homogeneous": True}})
 SOLIDS = {
     "box": BOX,
     "rounded box": BOX.rounded(0.004),
@@ -197,9 +198,8 @@ def test_a_central_contact_in_space_has_the_restitution_and_the_time_of_its_forc
 @pytest.mark.parametrize("cone", ["elliptic", "pyramidal"])
 def test_convex_contacts_are_those_of_mujoco(cone, impratio, d, lever):
     lasts, mu, epsilon = 1e-3, 0.3, 0.5
-    header = SpaceHeader.model_validate({"schema": 2, "body": {"shape": BOX, "mass": 0.2, "homogeneous": True}})
     torsion = {"torsional_friction.m_t": lever} if lever else {}
-    engine, world = MujocoTosses(cone, impratio, (d, d), steps=400), TossedWorld(header, mu, epsilon, lasts, torsion)
+    engine, world = MujocoTosses(cone, impratio, (d, d), steps=400), TossedWorld(HEADER, mu, epsilon, lasts, torsion)
     states = tossed(BOX, 40, seed=2)
     times = np.full((len(states), 1), 3.0 * lasts)
     expected = engine.moves(world, states.changed(states.position + [[0.0], [0.0], [1e-6]]), times)
@@ -216,7 +216,7 @@ def test_convex_contacts_are_those_of_mujoco(cone, impratio, d, lever):
     for of, (name, impedance, e, T) in own.items():
         values = {"mu": mu, "epsilon": e, "tau": T / BASES[name].force.lasting(e)}
         values |= {"damping_ratio": impratio, "impedance": impedance} | torsion
-        model = in_space(BOX, name, header.body.inertia_per_mass, **values)
+        model = in_space(BOX, name, HEADER.body.inertia_per_mass, **values)
         after, elapsed = press(model, states)
         fallen = after.velocity - 9.81 * (3.0 * lasts - elapsed) * [[0.0], [0.0], [1.0]]
         apart = np.concatenate([fallen - expected.velocity, K_G * (after.spin - expected.spin)])
@@ -233,14 +233,13 @@ def test_convex_contacts_are_those_of_mujoco(cone, impratio, d, lever):
 )
 def test_damped_contacts_are_those_of_our_own_tosses(hidden):
     lasts, epsilon, close = 2.5e-3, 0.6, 1e-5
-    header = SpaceHeader.model_validate({"schema": 2, "body": {"shape": BOX, "mass": 0.2, "homogeneous": True}})
     tau = lasts / BASES["damped_contact"].force.lasting(epsilon)
-    model = in_space(BOX, "damped_contact", header.body.inertia_per_mass, mu=0.3, epsilon=epsilon, tau=tau, **hidden)
+    model = in_space(BOX, "damped_contact", HEADER.body.inertia_per_mass, mu=0.3, epsilon=epsilon, tau=tau, **hidden)
     states = tossed(BOX, 60, seed=2)
     after, elapsed = press(model, states)
     # their velocity is that between two poses
     middle = elapsed[:, None] + 5.0 * close
-    world = TossedWorld(header, 0.3, epsilon, lasts, hidden)
+    world = TossedWorld(HEADER, 0.3, epsilon, lasts, hidden)
     moved = OwnTosses(steps=1600).moves(world, states, middle + [-close, close])
     pose = moved.pose.reshape(7, -1, 2)
     expected = 0.5 * SPACE.difference(pose[:, :, 1], pose[:, :, 0]) / close
@@ -253,15 +252,12 @@ def test_damped_contacts_are_those_of_our_own_tosses(hidden):
 
 
 def test_a_body_that_slides_on_a_pyramid_loses_its_faster_component_first_as_in_mujoco():
-    mu, header = (
-        0.3,
-        SpaceHeader.model_validate({"schema": 2, "body": {"shape": BOX, "mass": 0.2, "homogeneous": True}}),
-    )
+    mu = 0.3
     pose, motion = [[0.0, 0.0, 0.03, 1.0, 0.0, 0.0, 0.0]], [[0.4, -0.2, 0.0, 0.0, 0.0, 0.0]]
     flat = State(np.array(pose).T, np.array(motion).T, np.zeros(1), np.zeros(1), None, SPACE)
     # both components are equal after 0.2 m/s / μ g = 68 ms
     times, force = np.array([[0.02, 0.05, 0.08, 0.11]]), BASES["pyramid_contact"].force
-    moved = MujocoTosses("pyramidal").moves(TossedWorld(header, mu, 0.5, 2e-3), flat, times)
+    moved = MujocoTosses("pyramidal").moves(TossedWorld(HEADER, mu, 0.5, 2e-3), flat, times)
     v = moved.velocity[:2]
     for first, last in ((0, 1), (2, 3)):
         lost = mu * 9.81 * (times[0, last] - times[0, first])

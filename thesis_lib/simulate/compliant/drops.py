@@ -65,6 +65,25 @@ class Falls:
     contacts: list[dict[str, np.ndarray]]
     t: np.ndarray
 
+    @classmethod
+    def along(
+        cls,
+        paths: Sequence[Callable[[np.ndarray], np.ndarray]],
+        mechanics: Mechanics,
+        contacts: list[dict[str, np.ndarray]],
+        t: np.ndarray,
+    ) -> "Falls":
+        """Those of n paths of the true centre of mass: functions from k times to states (k, 3)."""
+
+        def poses_at(times: np.ndarray) -> np.ndarray:
+            q = np.array([path(times) for path in paths])
+            origin = mechanics.origin(q[..., 2].ravel()).reshape(*q.shape[:2], 2)
+            poses = np.concatenate([q[..., :2] - origin, q[..., 2:]], axis=-1)
+            poses[times > t[:, None] + 1e-9] = np.nan
+            return poses
+
+        return cls(poses_at, contacts, t)
+
 
 class Engine(Protocol):
     """Simulator that moves the bodies."""

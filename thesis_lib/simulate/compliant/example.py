@@ -9,7 +9,6 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
-from pydantic import ValidationError
 
 from thesis_lib.datasets.format.dataset import Dataset
 from thesis_lib.datasets.format.impacts import POSE, V_POST, V_PRE
@@ -22,11 +21,13 @@ from thesis_lib.simulate.rig.camera import reported
 from thesis_lib.simulate.rig.hidden_causes import (
     CAUSES,
     ELLIPSE_BODY,
+    NO_SIZE,
     PROOF_RELEASE,
     RIG_NOISE,
     SQUARE,
     CompliantContact,
     HiddenCauses,
+    of_size,
 )
 from thesis_lib.simulate.rig.record import DropsWithTruth
 from thesis_lib.simulate.rig.tracker import Tracker
@@ -132,7 +133,7 @@ def causes_text() -> str:
 def _hidden_causes(hidden: str, size: float | None) -> HiddenCauses:
     if hidden == NOTHING:
         if size is not None:
-            raise UserError("--size has no meaning with --hidden nothing; leave it out.")
+            raise UserError(NO_SIZE)
         return HiddenCauses()
     if hidden not in CAUSES:
         raise UserError(f"There is no hidden cause {hidden!r}; known are {', '.join(CAUSES)} and {NOTHING}.")
@@ -140,11 +141,4 @@ def _hidden_causes(hidden: str, size: float | None) -> HiddenCauses:
         if size not in (None, 1.0):
             raise UserError("A mirrored camera is on or off; leave --size out.")
         return HiddenCauses(mirrored=True)
-    value = CAUSES[hidden].size if size is None else size
-    try:
-        return HiddenCauses.model_validate({hidden: value})
-    except ValidationError as error:
-        raise UserError(
-            f"A size of {value:g} is not possible for {hidden} "
-            f"({HiddenCauses.model_fields[hidden].description}): {error.errors()[0]['msg']}."
-        ) from error
+    return of_size(HiddenCauses, hidden, CAUSES[hidden].size if size is None else size)

@@ -19,15 +19,43 @@ import numpy as np
 from scipy.spatial import ConvexHull
 
 from thesis_lib.bodies.body import Body
-from thesis_lib.bodies.shapes import Disk, Polygon
+from thesis_lib.bodies.shapes import Polygon
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.simulate.compliant import compiled
 from thesis_lib.simulate.rig.hidden_causes import CompliantContact, HiddenCauses
 
+SHARP = 1e-6  # m; radius of the sphere that is a sharp corner in simulators that others wrote
 _CAUSES = np.dtype([(name, float) for name in HiddenCauses.model_fields])
 
 
-class Mechanics:
+class TrueBody:
+    """A body with what is hidden in it, and gravity, where `body` and `gravity` (m/s²) are as believed.
+
+    Attributes:
+        mass, shell: kg, of all and without a loose mass.
+        inertia: kg m², about the true centre of mass.
+        com: (2,) from the body's origin to the true centre of mass, m, in its frame.
+        grown: true over believed lengths, 1.
+        gravity: (2,) in m/s², axes of the surface.
+    """
+
+    def __init__(self, body: Body, hidden: HiddenCauses, gravity: float) -> None:
+        assert body.mass is not None  # `check_request` refuses bodies without one
+        self.hidden, self.shape, self.mass = hidden, body.shape, body.mass
+        self.shell = body.mass * (1.0 - hidden.loose_mass)
+        self.inertia = body.mass * body.radius_of_gyration**2 * (1.0 + hidden.inertia_error)
+        self.com = np.array([hidden.com_offset_x, hidden.com_offset_y])
+        self.grown = 1.0 + hidden.size_error
+        g = gravity + hidden.gravity_error
+        self.gravity = g * np.array([np.sin(hidden.gravity_angle), -np.cos(hidden.gravity_angle)])
+
+    def corners(self, radius: float) -> np.ndarray:
+        """Centres (p, 2) of a polygon's corners of this radius, from the true centre of mass, both in m."""
+        assert isinstance(self.shape, Polygon)
+        return rounded_centres(self.grown * np.array(self.shape.vertices), radius) - self.com
+
+
+class Mechanics(TrueBody):
     """Forces on the n drops of one run; `world` holds them for what is compiled.
 
     `body` and `gravity` (m/s²) are as believed, `phase` (n,) is that of the vibrating plate in rad.  States q, v (n, 5)
@@ -38,32 +66,24 @@ class Mechanics:
     def __init__(
         self, body: Body, contact: CompliantContact, hidden: HiddenCauses, gravity: float, n: int, phase: np.ndarray
     ) -> None:
-        assert body.mass is not None  # `check_request` refuses bodies without one
-        m = hidden
-        self.hidden, self.contact, self.phase = m, contact, phase
+        super().__init__(body, hidden, gravity)
+        self.contact, self.phase = contact, phase
         self.believed, self.believed_gravity = body, gravity
-        self.mass = body.mass
-        self.inertia = body.mass * body.radius_of_gyration**2 * (1.0 + m.inertia_error)
-        self.shell = body.mass * (1.0 - m.loose_mass)
         loose = self.mass - self.shell
         self.weights = np.array([self.shell, self.shell, self.inertia, loose, loose])  # of a state
-        self.stiffness = contact.stiffness(body.mass)
-        self.com = np.array([m.com_offset_x, m.com_offset_y])
-        g = gravity + m.gravity_error
-        self.gravity = g * np.array([np.sin(m.gravity_angle), -np.cos(m.gravity_angle)])
+        self.stiffness = contact.stiffness(self.mass)
         ramp = np.arange(n) / max(n - 1, 1) - 0.5
-        self.epsilon = contact.epsilon * (1.0 + m.wear * ramp)
+        self.epsilon = contact.epsilon * (1.0 + hidden.wear * ramp)
         self.vertices, axes = None, (1.0, 1.0)
         if isinstance(body.shape, Polygon):
-            corners = np.array(body.shape.vertices) * (1.0 + m.size_error)
-            self.vertices = rounded_centres(corners, m.corner_radius) - self.com
+            self.vertices = self.corners(hidden.corner_radius)
         else:
-            axes = (body.shape.radius, body.shape.radius) if isinstance(body.shape, Disk) else body.shape.semi_axes
+            axes = body.shape.semi_axes
         self.points = 1 if self.vertices is None else len(self.vertices)
         self.world = compiled.World(
             vertices=np.zeros((0, 2)) if self.vertices is None else self.vertices,
             axes=axes,
-            com=(m.com_offset_x, m.com_offset_y),
+            com=(hidden.com_offset_x, hidden.com_offset_y),
             gravity=(float(self.gravity[0]), float(self.gravity[1])),
             mass=self.shell,
             inertia=self.inertia,
@@ -72,7 +92,7 @@ class Mechanics:
             exponent=float(contact.exponent),
             dt=contact.dt,
             law=compiled.NO_LAW,
-            causes=np.array([tuple(getattr(m, name) for name in HiddenCauses.model_fields)], _CAUSES)[0],
+            causes=np.array([tuple(getattr(hidden, name) for name in HiddenCauses.model_fields)], _CAUSES)[0],
         )
 
     # --- geometry ---

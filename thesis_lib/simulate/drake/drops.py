@@ -93,16 +93,7 @@ class _Run:
     def falls(self, pose: np.ndarray, velocity: np.ndarray, samples: np.ndarray) -> Falls:
         """The drops one after another."""
         paths = [self._fall(i, *state, samples) for i, state in enumerate(zip(pose, velocity))]
-
-        def poses_at(times: np.ndarray) -> np.ndarray:
-            poses = []
-            for path in paths:
-                q = path(times)
-                poses.append(np.column_stack([q[:, :2] - self.mechanics.origin(q[:, 2]), q[:, 2]]))
-                poses[-1][times > path.x[-1] + 1e-9] = np.nan
-            return np.array(poses)
-
-        return Falls(poses_at, self.contacts.records, np.array([path.x[-1] for path in paths]))
+        return Falls.along(paths, self.mechanics, self.contacts.records, np.array([path.x[-1] for path in paths]))
 
     def _fall(self, trial: int, pose: np.ndarray, velocity: np.ndarray, samples: np.ndarray) -> CubicHermiteSpline:
         """Path of one drop from the pose and velocity (3,) of its origin to the last sample, or to rest."""

@@ -67,8 +67,8 @@ def _bounce(damping: float, exponent: float) -> tuple[float, float]:
     return float(made.t_events[0][0]), float(made.y_events[0][0][1])
 
 
-def spring(epsilon: float, contact_time: float, mass: float) -> Spring:
+def spring(epsilon: float, contact_time: float, mass: float, speed: float = REFERENCE_SPEED) -> Spring:
     """Point contact of a body of `mass` kg with restitution `epsilon` (1) and duration `contact_time` (s)."""
-    d = dissipation(epsilon)
-    depth = contact_time * REFERENCE_SPEED / duration(d * REFERENCE_SPEED, 1.0)
-    return Spring(mass * REFERENCE_SPEED**2 / depth**2, d)
+    d = dissipation(epsilon, speed)
+    depth = contact_time * speed / duration(d * speed, 1.0)
+    return Spring(mass * speed**2 / depth**2, d)  # m v² = k L², T = S L / v

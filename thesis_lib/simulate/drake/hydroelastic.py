@@ -28,7 +28,7 @@ from pydrake.geometry import (
 from pydrake.multibody.plant import CoulombFriction
 
 from thesis_lib.bodies.body import Body
-from thesis_lib.bodies.shapes import Disk, Ellipse
+from thesis_lib.bodies.shapes import Polygon
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.simulate.rig.hidden_causes import CompliantContact
 
@@ -63,8 +63,8 @@ def solid_shape(body: Body, grown: float) -> Shape:
         UserError: a polygon other than a rectangle about its origin, with sides along its axes.
     """
     shape = body.shape
-    if isinstance(shape, Ellipse | Disk):
-        a, b = shape.semi_axes if isinstance(shape, Ellipse) else (shape.radius, shape.radius)
+    if not isinstance(shape, Polygon):
+        a, b = shape.semi_axes
         return Ellipsoid(grown * a, grown * b, grown * max(a, b))
     corners = np.array(shape.vertices)
     a, b = np.abs(corners).max(axis=0)

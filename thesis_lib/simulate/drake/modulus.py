@@ -10,7 +10,7 @@ pose (an ellipse on its short axis, a box on a corner), and `hunt_crossley` give
 import numpy as np
 
 from thesis_lib.bodies.body import Body
-from thesis_lib.bodies.shapes import Disk, Ellipse
+from thesis_lib.bodies.shapes import Ellipse, Polygon
 from thesis_lib.simulate.drake.hunt_crossley import dissipation, duration
 from thesis_lib.simulate.drake.hydroelastic import HydroelasticBody
 from thesis_lib.simulate.drake.plant import Surface, drop_plant
@@ -38,8 +38,8 @@ def static_force(body: Body, surface: Surface, theta: float, depths: np.ndarray)
 
 def central_angle(body: Body) -> float:
     """θ in rad at which the lowest point is below the middle: an ellipse on its short axis, a box on a corner."""
-    if isinstance(body.shape, Ellipse | Disk):
-        a, b = body.shape.semi_axes if isinstance(body.shape, Ellipse) else (1.0, 1.0)
+    if not isinstance(body.shape, Polygon):
+        a, b = body.shape.semi_axes
         return 0.0 if a >= b else 0.5 * np.pi
     x, y = body.shape.vertices[0]
     return float(-0.5 * np.pi - np.arctan2(y, x))

@@ -53,8 +53,8 @@ from pydrake.systems.framework import Diagram, DiagramBuilder, LeafSystem, Trigg
 from pydrake.systems.primitives import LogVectorOutput, SymbolicVectorSystem, VectorLogSink
 
 from thesis_lib.bodies.body import Body
-from thesis_lib.bodies.shapes import Disk, Ellipse
-from thesis_lib.simulate.compliant.forces import rounded_centres
+from thesis_lib.bodies.shapes import Polygon
+from thesis_lib.simulate.compliant.forces import SHARP, TrueBody
 from thesis_lib.simulate.drake.hunt_crossley import Spring
 from thesis_lib.simulate.drake.hydroelastic import HydroelasticBody, solid_shape
 from thesis_lib.simulate.drake.viscoelastic_pad import Pad, design
@@ -62,7 +62,6 @@ from thesis_lib.simulate.rig.hidden_causes import CompliantContact, HiddenCauses
 
 # m/s; slip below which friction is reduced: a tenth of the rig's resolution of a velocity
 STICTION = 2e-3
-SHARP = 1e-6  # m; radius of the sphere at a sharp corner
 HEAVY = 1e6  # body masses: an impact then moves the carriage by a millionth of its Δv
 SKID_SHARE = 0.03  # of the body's mass; lighter ones need more time steps and change little
 Surface = Pad | Spring | HydroelasticBody  # what the body falls on
@@ -112,33 +111,32 @@ def drop_plant(
         plant.set_contact_model(ContactModel.kHydroelastic if soft else ContactModel.kPoint)
     moving, plate = plant.AddModelInstance("moving"), plant.AddModelInstance("plate")
 
+    true = TrueBody(body, m, gravity)
+    shell, inertia = true.shell, true.inertia
     # only the moment about z acts in the plane; equal moments satisfy Drake's triangle inequality
-    shell = body.mass * (1.0 - m.loose_mass)
-    inertia = body.mass * body.radius_of_gyration**2 * (1.0 + m.inertia_error)
     solid = SpatialInertia(shell, np.zeros(3), UnitInertia(*[inertia / shell] * 3))
     frame = plant.AddRigidBody("body", moving, solid)
     drag = np.array([m.linear_drag * shell, m.linear_drag * shell, m.spin_damping * inertia])
     joint = plant.AddJoint(PlanarJoint("plane", plant.world_frame(), frame.body_frame(), damping=drag))
     if m.loose_mass:
-        _add_loose_mass(plant, moving, frame, body.mass, m)
+        _add_loose_mass(plant, moving, frame, true.mass, m)
     carriage = None
     if surface is not None:
         of_body, of_plate = _properties(surface, contact, m)
         if isinstance(surface, HydroelasticBody):
-            middle = RigidTransform([-m.com_offset_x, -m.com_offset_y, 0.0])
-            plant.RegisterCollisionGeometry(frame, middle, solid_shape(body, 1.0 + m.size_error), "solid", of_body)
+            middle = RigidTransform([*-true.com, 0.0])
+            plant.RegisterCollisionGeometry(frame, middle, solid_shape(body, true.grown), "solid", of_body)
         else:
-            _add_shape(plant, frame, body, m, of_body)
-        carriage, carrier = _add_carriage(plant, plate, body.mass, m)
+            _add_shape(plant, frame, true, of_body)
+        carriage, carrier = _add_carriage(plant, plate, true.mass, m)
         if isinstance(surface, Pad):
-            carrier = _add_layers(plant, plate, carrier, body.mass, surface, m)
+            carrier = _add_layers(plant, plate, carrier, true.mass, surface, m)
         if m.tangential_compliance:
             carrier = _add_skid(plant, plate, carrier, body, surface, m)
         pose = HalfSpace.MakePose(_Y, np.array([0.0, m.surface_height, 0.0]))
         plant.RegisterCollisionGeometry(carrier, pose, HalfSpace(), "surface", of_plate)
 
-    g = gravity + m.gravity_error
-    plant.mutable_gravity_field().set_gravity_vector([g * np.sin(m.gravity_angle), -g * np.cos(m.gravity_angle), 0.0])
+    plant.mutable_gravity_field().set_gravity_vector([*true.gravity, 0.0])
     plant.set_gravity_enabled(plate, False)
     plant.Finalize()
     plant.set_stiction_tolerance(STICTION)
@@ -166,30 +164,30 @@ def _properties(
         # Drake's d acts on the rate of its spring alone, which is only a share of the approach of body and plate
         stiffness, share = surface.k_contact, 1.0 / (surface.k_contact * surface.softness)
         dissipation = m.hunt_crossley / share
-    properties = ProximityProperties()
-    # for both geometries: Drake puts their springs in series and keeps equal d and μ
-    AddContactMaterial(
-        dissipation=dissipation,
-        point_stiffness=2.0 * stiffness,
-        friction=CoulombFriction(contact.mu, contact.mu),
-        properties=properties,
-    )
+    # Drake puts the springs of both geometries in series, and keeps equal d and μ
+    properties = point_contact(2.0 * stiffness, dissipation, contact.mu)
     return properties, properties
 
 
-def _add_shape(
-    plant: MultibodyPlant, frame: RigidBody, body: Body, m: HiddenCauses, properties: ProximityProperties
-) -> None:
-    grown, com = 1.0 + m.size_error, np.array([m.com_offset_x, m.com_offset_y])
-    shape = body.shape
-    if isinstance(shape, Ellipse | Disk):
-        a, b = shape.semi_axes if isinstance(shape, Ellipse) else (shape.radius, shape.radius)
-        solid = Sphere(grown * a) if a == b else Ellipsoid(grown * a, grown * b, grown * max(a, b))
-        centres = np.zeros((1, 2))
+def point_contact(stiffness: float, dissipation: float, mu: float) -> ProximityProperties:
+    """Properties of a geometry in point contact: k in N/m, Hunt and Crossley's d in s/m, and friction."""
+    properties = ProximityProperties()
+    AddContactMaterial(
+        dissipation=dissipation, point_stiffness=stiffness, friction=CoulombFriction(mu, mu), properties=properties
+    )
+    return properties
+
+
+def _add_shape(plant: MultibodyPlant, frame: RigidBody, true: TrueBody, properties: ProximityProperties) -> None:
+    grown = true.grown
+    if isinstance(true.shape, Polygon):
+        radius = true.hidden.corner_radius or SHARP
+        solid, centres = Sphere(radius), true.corners(radius)
     else:
-        radius = m.corner_radius or SHARP
-        solid, centres = Sphere(radius), rounded_centres(grown * np.array(shape.vertices), radius)
-    for i, centre in enumerate(centres - com):
+        a, b = true.shape.semi_axes
+        solid = Sphere(grown * a) if a == b else Ellipsoid(grown * a, grown * b, grown * max(a, b))
+        centres = -true.com[None]
+    for i, centre in enumerate(centres):
         pose = RigidTransform([*centre, 0.0])
         plant.RegisterCollisionGeometry(frame, pose, solid, f"corner_{i}", properties)
 

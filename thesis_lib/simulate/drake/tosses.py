@@ -12,9 +12,9 @@ place, face, number or slip, and couples at the contact, are no properties of Dr
 from dataclasses import dataclass
 
 import numpy as np
-from pydrake.geometry import AddContactMaterial, Ellipsoid, HalfSpace, ProximityProperties, Sphere
+from pydrake.geometry import Ellipsoid, HalfSpace, Sphere
 from pydrake.math import RigidTransform
-from pydrake.multibody.plant import AddMultibodyPlantSceneGraph, ContactModel, CoulombFriction, MultibodyPlant
+from pydrake.multibody.plant import AddMultibodyPlantSceneGraph, ContactModel, MultibodyPlant
 from pydrake.multibody.tree import SpatialInertia, UnitInertia
 from pydrake.systems.analysis import ResetIntegratorFromFlags, Simulator
 from pydrake.systems.framework import BasicVector, DiagramBuilder, LeafSystem
@@ -23,14 +23,15 @@ from thesis_lib.foundation.errors import UserError
 from thesis_lib.mechanics.frame import on_body
 from thesis_lib.mechanics.space import SPACE
 from thesis_lib.mechanics.state import State
+from thesis_lib.simulate.compliant.forces import SHARP
 from thesis_lib.simulate.drake.clock import quiet
 from thesis_lib.simulate.drake.hunt_crossley import spring
+from thesis_lib.simulate.drake.plant import point_contact
 from thesis_lib.simulate.rig.causes_in_space import air
 from thesis_lib.simulate.tosses.causes import AIR, NOT_IN_DRAKE
 from thesis_lib.simulate.tosses.world import STRAIGHT, TossedWorld
 from thesis_lib.statistics.wording import listed
 
-SHARP = 1e-6  # m; radius of the ball at a sharp corner
 FLAT = 1e-3  # of its radius, half the thickness of the end of a cylinder
 LONGEST = 2e-3  # s, of a step, which must not jump over a contact
 
@@ -71,14 +72,9 @@ class DrakeTosses:
         plant.mutable_gravity_field().set_gravity_vector(np.array(rig.gravity))
         moments = UnitInertia(*rig.body.inertia_per_mass[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]])
         body = plant.AddRigidBody("body", SpatialInertia(world.mass, np.zeros(3), moments))
-        touch, made_of = spring(world.epsilon, world.contact_time, world.mass), ProximityProperties()
+        touch = spring(world.epsilon, world.contact_time, world.mass)
         # for both geometries: Drake puts their springs in series and keeps equal d and μ
-        AddContactMaterial(
-            dissipation=touch.dissipation,
-            point_stiffness=2.0 * touch.stiffness,
-            friction=CoulombFriction(world.mu, world.mu),
-            properties=made_of,
-        )
+        made_of = point_contact(2.0 * touch.stiffness, touch.dissipation, world.mu)
         place = RigidTransform([0.0, 0.0, world.height])
         plant.RegisterCollisionGeometry(plant.world_body(), place, HalfSpace(), "table", made_of)
         points = rig.body.solid.minkowski
@@ -112,7 +108,7 @@ class _Air(LeafSystem):
         self.DeclareVectorOutputPort("force", 6, self._push)
 
     def _push(self, context, output: BasicVector) -> None:
-        state = np.asarray(self.get_input_port().Eval(context))
+        state = np.ravel(self.get_input_port().Eval(context))
         attitude, spin, velocity = state[:4, None], state[7:10, None], state[10:, None]
         pushed, slowed = air(self.hidden, velocity, spin)
         couple = SPACE.turned(attitude, self.inertia @ SPACE.turned_back(attitude, slowed))

@@ -17,20 +17,11 @@ A. Castro et al., IEEE Robot. Autom. Lett. 5 (2020), doi 10.1109/LRA.2020.296463
 from collections.abc import Sequence
 
 import numpy as np
-from pydrake.geometry import (
-    AddContactMaterial,
-    Box,
-    CollisionFilterDeclaration,
-    GeometrySet,
-    HalfSpace,
-    ProximityProperties,
-    Sphere,
-)
+from pydrake.geometry import Box, CollisionFilterDeclaration, GeometrySet, HalfSpace, ProximityProperties, Sphere
 from pydrake.math import RigidTransform
 from pydrake.multibody.plant import (
     AddMultibodyPlantSceneGraph,
     ContactModel,
-    CoulombFriction,
     DiscreteContactApproximation,
     MultibodyPlant,
 )
@@ -38,6 +29,7 @@ from pydrake.multibody.tree import PlanarJoint, SpatialInertia
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 
+from thesis_lib.simulate.drake.plant import point_contact
 from thesis_lib.simulate.engines.settings import LINK_DEPTH, TIP_RADIUS, DrawnContact, EngineMotion
 from thesis_lib.simulate.mechanisms import motions as chapter2
 from thesis_lib.simulate.mechanisms.hidden_forces import (
@@ -127,15 +119,8 @@ def _force(kind: MechanismKind, truth: str, bodies: Chapter2Bodies, sizes: Hidde
 
 
 def _properties(mu: float, contact: DrawnContact) -> ProximityProperties:
-    properties = ProximityProperties()
     # for both geometries: Drake puts their springs in series
-    AddContactMaterial(
-        dissipation=contact.settings.dissipation,
-        point_stiffness=2.0 * contact.stiffness,
-        friction=CoulombFriction(mu, mu),
-        properties=properties,
-    )
-    return properties
+    return point_contact(2.0 * contact.stiffness, contact.settings.dissipation, mu)
 
 
 def _add_ground(plant: MultibodyPlant, properties: ProximityProperties) -> None:

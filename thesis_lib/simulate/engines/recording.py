@@ -10,7 +10,6 @@ from typing import Literal
 
 import numpy as np
 import pandas as pd
-from pydantic import ValidationError
 
 from thesis_lib.datasets.recordings.header import Arm, RecordingHeader, Sampling, StateNoise, Wheel
 from thesis_lib.datasets.recordings.recording import Recording
@@ -21,6 +20,7 @@ from thesis_lib.simulate.engines.settings import EngineContact, EngineMotion, En
 from thesis_lib.simulate.mechanisms import motions as chapter2
 from thesis_lib.simulate.mechanisms.hidden_forces import TRUTHS, HiddenSizes, MechanismKind, planned, run_with
 from thesis_lib.simulate.mechanisms.motions import DEFAULT, Chapter2Bodies
+from thesis_lib.simulate.rig.hidden_causes import NO_SIZE, of_size
 from thesis_lib.simulate.stepping.stepping import SimulatedMotion
 
 # m, rad, m/s, rad/s; a motion tracker at about 60 dB, as good as the encoders of a laboratory
@@ -159,14 +159,8 @@ def hidden_sizes(kind: MechanismKind, hidden: str, size: float | None) -> Hidden
         return HiddenSizes()
     key = SIZE_OF.get((kind, hidden))
     if key is None:
-        raise UserError("--size has no meaning with --hidden nothing; leave it out.")
-    try:
-        return HiddenSizes.model_validate({key: (size, size) if key in ("viscous", "coulomb") else size})
-    except ValidationError as error:
-        meaning = HiddenSizes.model_fields[key].description
-        raise UserError(
-            f"A size of {size:g} is not possible for {hidden} ({meaning}): {error.errors()[0]['msg']}."
-        ) from error
+        raise UserError(NO_SIZE)
+    return of_size(HiddenSizes, key, size, hidden, both=key in ("viscous", "coulomb"))
 
 
 def hidden_text() -> str:

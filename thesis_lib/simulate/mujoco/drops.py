@@ -86,16 +86,7 @@ class _Run:
         n, every = len(pose), np.arange(len(pose))
         self.path.append((every, np.zeros((n, 1)), *(part[:, None] for part in self._state(every))))
         self._run(float(self.t[0]), 1.0 / (rate * np.ceil(1.0 / (rate * FLIGHT_STEP) - 1e-9)))
-        paths = self._joined()
-
-        def poses_at(times: np.ndarray) -> np.ndarray:
-            q = np.array([path(times) for path in paths])
-            origin = self.mechanics.origin(q[..., 2].ravel()).reshape(*q.shape[:2], 2)
-            poses = np.concatenate([q[..., :2] - origin, q[..., 2:]], axis=-1)
-            poses[times > self.t[:, None] + 1e-9] = np.nan
-            return poses
-
-        return Falls(poses_at, self.contacts.records, self.t)
+        return Falls.along(self._joined(), self.mechanics, self.contacts.records, self.t)
 
     # --- states ---
 

@@ -31,12 +31,11 @@ import mujoco
 import numpy as np
 
 from thesis_lib.bodies.body import Body
-from thesis_lib.bodies.shapes import Disk, Ellipse
-from thesis_lib.simulate.compliant.forces import rounded_centres
+from thesis_lib.bodies.shapes import Polygon
+from thesis_lib.simulate.compliant.forces import SHARP, TrueBody
 from thesis_lib.simulate.mujoco.causes import MujocoCauses
 from thesis_lib.simulate.mujoco.contact import MujocoContact, solref
 
-SHARP = 1e-6  # m; radius of the sphere at a sharp corner
 HEAVY = 1e6  # body masses: an impact then moves the carriage by a millionth of its Δv
 DEEP = 0.5  # m, half the thickness of the box
 WIDE = 20.0  # m, half its length
@@ -67,11 +66,9 @@ def share(model: mujoco.MjModel, contact: MujocoContact) -> float:
 
 
 def _xml(body: Body, contact: MujocoContact, m: MujocoCauses, gravity: float) -> str:
-    assert body.mass is not None  # `check_request` refuses bodies without one
-    shell = body.mass * (1.0 - m.loose_mass)
-    inertia = body.mass * body.radius_of_gyration**2 * (1.0 + m.inertia_error)
-    g = gravity + m.gravity_error
-    geoms, corners = _geoms(body, m)
+    true = TrueBody(body, m, gravity)
+    shell, inertia = true.shell, true.inertia
+    geoms, corners = _geoms(true, m)
     pairs = "".join(
         f'<pair geom1="plate" geom2="corner{i}" condim="3" friction="{_n(contact.mu, contact.mu, 0, 0, 0)}" '
         f'solimp="{_n(*contact.solimp)}"/>'
@@ -80,7 +77,7 @@ def _xml(body: Body, contact: MujocoContact, m: MujocoCauses, gravity: float) ->
     return f"""<mujoco>
     <compiler angle="radian" inertiafromgeom="false"/>
     <option timestep="{_n(contact.dt)}" integrator="RK4" cone="elliptic" impratio="{_n(contact.impratio)}"
-        gravity="{_n(g * np.sin(m.gravity_angle), -g * np.cos(m.gravity_angle), 0.0)}"
+        gravity="{_n(*true.gravity, 0.0)}"
         density="{_n(m.fluid_density or AIR)}"
         tolerance="1e-12" iterations="100" ccd_tolerance="1e-10" ccd_iterations="200" viscosity="0"/>
     <worldbody>
@@ -90,26 +87,25 @@ def _xml(body: Body, contact: MujocoContact, m: MujocoCauses, gravity: float) ->
             <joint type="slide" axis="0 1 0" damping="{_n(m.linear_drag * shell)}"/>
             <joint type="hinge" axis="0 0 1" damping="{_n(m.spin_damping * inertia)}"/>
             <inertial pos="0 0 0" mass="{_n(shell)}" diaginertia="{_n(inertia, inertia, inertia)}"/>
-            {geoms}{_air(body, shell, m)}{_loose(body.mass, m) if m.loose_mass else ""}
+            {geoms}{_air(body, shell, m)}{_loose(true.mass, m) if m.loose_mass else ""}
         </body>
-        {_carriage(body.mass, m) if m.moving_plate else ""}
+        {_carriage(true.mass, m) if m.moving_plate else ""}
     </worldbody>
     <contact>{pairs}</contact>
 </mujoco>"""
 
 
-def _geoms(body: Body, m: MujocoCauses) -> tuple[str, int]:
+def _geoms(true: TrueBody, m: MujocoCauses) -> tuple[str, int]:
     """Geoms of the body that touch the plate, named corner0, ..., and their number."""
-    grown, com = 1.0 + m.size_error, np.array([m.com_offset_x, m.com_offset_y])
-    shape = body.shape
+    grown, com, shape = true.grown, true.com, true.shape
     # air flows around the ellipsoid only if it is asked to: two models of drag would add up
     fluid = ' fluidshape="ellipsoid"' if m.fluid_density else ""
-    if isinstance(shape, Ellipse | Disk):
-        a, b = shape.semi_axes if isinstance(shape, Ellipse) else (shape.radius, shape.radius)
+    if not isinstance(shape, Polygon):
+        a, b = shape.semi_axes
         size = f'type="ellipsoid" size="{_n(grown * a, grown * b, grown * max(a, b))}"'
         return f'<geom name="corner0" {size} pos="{_n(*-com, 0.0)}" contype="0" conaffinity="0"{fluid}/>', 1
     radius = m.corner_radius or SHARP
-    centres = rounded_centres(grown * np.array(shape.vertices), radius) - com
+    centres = true.corners(radius)
     spheres = "".join(
         f'<geom name="corner{i}" type="sphere" size="{_n(radius)}" pos="{_n(*centre, 0.0)}" contype="0" '
         'conaffinity="0"/>'

@@ -15,15 +15,17 @@ doi 10.1115/1.3423596; Maw, Barber and Fawcett 1976 (tangential compliance).
 
 import math
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, TypeVar
 
-from pydantic import Field
+from pydantic import Field, ValidationError
 
 from thesis_lib.bodies.body import Body, Noise
 from thesis_lib.bodies.shapes import Ellipse, Polygon
+from thesis_lib.foundation.errors import UserError
 from thesis_lib.foundation.settings import Section
 from thesis_lib.simulate.rig.release import Release, Spread
 
+Sizes = TypeVar("Sizes", bound=Section)
 REFERENCE_SPEED = 2.5  # m/s; that of the published impacts
 
 
@@ -200,6 +202,21 @@ CAUSES: dict[str, Cause] = {
     "loose_mass": Cause((), 0.17),
     "wobble": Cause((), 0.00076),
 }
+
+NO_SIZE = "--size has no meaning with --hidden nothing; leave it out."
+
+
+def of_size(sizes: type[Sizes], key: str, size: float, cause: str = "", both: bool = False) -> Sizes:
+    """A section in which `key` has a size, of `both` joints if asked for; UserError if that is not possible.
+
+    `cause` is its name for a user, the key if not given.
+    """
+    try:
+        return sizes.model_validate({key: (size, size) if both else size})
+    except ValidationError as error:
+        meaning = f"{cause or key} ({sizes.model_fields[key].description})"
+        raise UserError(f"A size of {size:g} is not possible for {meaning}: {error.errors()[0]['msg']}.") from error
+
 
 # both ways, and a factor of 3 and more in |v_n|: from 0.06 m to 0.6 m a body of 0.03 m lands with 0.8 to 3.3 m/s
 PROOF_RELEASE = Release(

@@ -62,16 +62,20 @@ class Tracker(Section):
         for column, digit in enumerate((self.position_step, self.position_step, self.angle_step)):
             if digit:
                 written[..., column] = np.round(written[..., column] / digit) * digit
-        written[self._lost(written.shape[:2], lost_rng)] = np.nan
+        lost = lost_poses(written.shape[:2], self.dropped, self.bursts, self.burst_length, lost_rng)
+        written[lost] = np.nan
         return written
 
-    def _lost(self, shape: tuple[int, ...], rng: np.random.Generator) -> np.ndarray:
-        """Mask (n, samples) of poses that are not written."""
-        n, size = shape
-        lost = rng.random(shape) < self.dropped
-        start = rng.integers(0, max(size - self.burst_length, 1), n)[:, None]
-        burst = (np.arange(size) >= start) & (np.arange(size) < start + self.burst_length)
-        return lost | (burst & (rng.random(n) < self.bursts)[:, None])
+
+def lost_poses(
+    shape: tuple[int, ...], dropped: float, bursts: float, burst_length: int, rng: np.random.Generator
+) -> np.ndarray:
+    """Mask (n, samples) of poses that are not written; the settings are those of `Tracker`."""
+    n, size = shape
+    lost = rng.random(shape) < dropped
+    start = rng.integers(0, max(size - burst_length, 1), n)[:, None]
+    burst = (np.arange(size) >= start) & (np.arange(size) < start + burst_length)
+    return lost | (burst & (rng.random(n) < bursts)[:, None])
 
 
 def _autoregressive(white: np.ndarray, time: float, step: float) -> np.ndarray:

@@ -49,7 +49,7 @@ class ArmDisk(Mechanism):
         UserError: a length, mass or inertia is not positive.
     """
 
-    nq = nv = 5
+    nv = 5
     pairs = ("arm", "ground")
 
     def __init__(

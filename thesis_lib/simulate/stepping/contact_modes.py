@@ -25,6 +25,10 @@ from thesis_lib.simulate.stepping.multibody import ContactGeometry, Mechanism
 MODE_TOL = 1e-12  # of the velocities and impulses of one contact: rounding at the border between two modes
 # m: another contact's impulse may close a pair this near in the same step, though free motion would open it
 TOUCH = 1e-4
+# v_reb, m/s; velocity from gravity in a step of 5 ms: a slower rebound would end within the step in which it begins
+V_REBOUND = 0.05
+# v_rec, m/s; 0.5 mm in a step of 5 ms, the drift of a body of 1 m that rolls with a few rad/s
+V_RECOVER = 0.1
 POLISHED = 1e-13  # residual of a basis that is solved to rounding
 ACCEPTED = 1e-9  # largest accepted residual of a solution, on dimensionless data
 
@@ -50,14 +54,12 @@ def solve_contacts(
     h: float,
     mu: np.ndarray,
     epsilon: np.ndarray,
-    v_rebound: float,
-    v_recover: float,
     contacts: ContactGeometry | None = None,
 ) -> StepSolution:
     """Impulses of one step and the velocity after it; the conditions are those of `stepping`.
 
     `q` (nq,) and `M_inv` (nv, nv) are at the start of the step, `v` and `v_free` (nv,) before it and after it without
-    contact; `h` in s; `mu`, `epsilon` (p,); `v_rebound`, `v_recover` in m/s.  `contacts` are those at q, if known.
+    contact; `h` in s; `mu`, `epsilon` (p,).  `contacts` are those at q, if known.
     """
     phi_free = mechanism.contacts(q + h * v_free).phi
     contacts = contacts or mechanism.contacts(q)
@@ -74,7 +76,7 @@ def solve_contacts(
         M_inv_t, M_inv_n = M_inv @ J_t[i], M_inv @ J_n[i]
         v_n_pre, v_n = float(J_n[i] @ v), float(J_n[i] @ v_free)
         rebound = -float(epsilon[i]) * v_n_pre
-        b = rebound if rebound > v_rebound else min(v_n - float(phi_free[i]) / h, v_recover)
+        b = rebound if rebound > V_REBOUND else min(v_n - float(phi_free[i]) / h, V_RECOVER)
         c_t[i], c_n[i], residual = solve_one(
             float(J_t[i] @ M_inv_t),
             float(J_t[i] @ M_inv_n),
@@ -89,8 +91,8 @@ def solve_contacts(
         k, J = len(active), np.concatenate([J_t[active], J_n[active]])
         v_n_pre = J_n[active] @ v
         rebound = -epsilon[active] * v_n_pre
-        closing = np.minimum(J_n[active] @ v_free - phi_free[active] / h, v_recover)
-        hit = (rebound > v_rebound) & (phi_free[active] <= 0.0)
+        closing = np.minimum(J_n[active] @ v_free - phi_free[active] / h, V_RECOVER)
+        hit = (rebound > V_REBOUND) & (phi_free[active] <= 0.0)
         b = np.where(hit, rebound, closing)
         M_inv_Jt = M_inv @ J.T
         c, residual = solve_several(J @ M_inv_Jt, J @ v_free, b, mu[active])

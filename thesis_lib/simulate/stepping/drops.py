@@ -1,7 +1,7 @@
 """Drops of a planar body on a level surface, stepped in time with contact impulses from an LCP.
 
-All drops are stepped at once with a fixed h.  Mass matrix, gravity and contact Jacobians come from a Drake plant
-(plant.py), the impulse from the Anitescu-Potra LCP (lcp.py).  Within a step:
+All drops are stepped at once with a fixed h.  Contact Jacobians come from a Drake plant (plant.py), the impulse from
+the Anitescu-Potra LCP (lcp.py).  Within a step:
 
     flight   q(t) = q + v t + a t²/2,  v(t) = v + a t,  a = M⁻¹ τ_g     exact, since a is constant
     impact   a flight that ends with φ_n < 0 is cut at φ_n(t) = 0 (Newton inside a bracket, φ̇_n = J_n v), there
@@ -39,7 +39,7 @@ from thesis_lib.simulate.rig.record import (
 )
 from thesis_lib.simulate.rig.release import Release
 from thesis_lib.simulate.stepping.lcp import ContactImpulse, LcpStatus, impact
-from thesis_lib.simulate.stepping.plant import PlanarPlant, planar_body
+from thesis_lib.simulate.stepping.plant import PlanarPlant
 
 V_PLASTIC = 0.05  # m/s; a slower contact rebounds by at most v²/2g = 0.13 mm, below motion-capture noise
 GAP_TOL = 1e-13  # m; accepted |φ_n| at contact: the rounding of a pose of about 1 m is 1e-16
@@ -118,10 +118,10 @@ class _Simulation:
     ) -> None:
         n = len(q)
         self.shape: Shape = body.shape
-        self.plant: PlanarPlant = planar_body(body.mass, body.radius_of_gyration, (0.0, -gravity))  # pyright: ignore[reportArgumentType]
-        # one free body: M, τ_g and the acceleration in flight are the same at every pose
-        origin = np.zeros((1, 3))
-        self.a = np.linalg.solve(self.plant.mass_matrix(origin)[0], self.plant.gravity_forces(origin)[0])
+        self.plant, mass = PlanarPlant(), body.mass or 0.0  # `check_request` refuses bodies without one
+        # of one free body the same at every pose, as is its acceleration in flight
+        self.M = np.diag([mass, mass, mass * body.radius_of_gyration**2])
+        self.a = np.linalg.solve(self.M, [0.0, -mass * gravity, 0.0])
         self.q, self.v, self.mu, self.epsilon = q.copy(), v.copy(), mu, epsilon
         self.status = np.full(n, DropStatus.DONE, dtype=int)
         self.t_support = np.full(n, np.nan)
@@ -197,8 +197,8 @@ class _Simulation:
         self, rows: np.ndarray, q: np.ndarray, v: np.ndarray, epsilon: np.ndarray
     ) -> tuple[ContactImpulse, np.ndarray]:
         """Impulse at poses q of drops `rows` that move with v, and the velocity after it (n, 3)."""
-        J = np.stack(self.plant.contact_jacobian(q, self.shape.contact_point(q[:, 2])), axis=1)
-        out, v_post = impact(self.plant.mass_matrix(q), J, v, self.mu[rows], epsilon)
+        J = self.plant.contact_jacobian(q, self.shape.contact_point(q[:, 2]))
+        out, v_post = impact(self.M, J, v, self.mu[rows], epsilon)
         self.status[rows[out.status != LcpStatus.SOLVED]] = DropStatus.LCP_FAILED
         return out, v_post
 
@@ -207,8 +207,7 @@ class _Simulation:
             return
         q, v = self.q[rows], self.v[rows]
         out, v_post = self._impulse(rows, q, v, self.epsilon[rows])
-        M = self.plant.mass_matrix(q)
-        before, after = (0.5 * np.einsum("ni,nij,nj->n", u, M, u) for u in (v, v_post))
+        before, after = (0.5 * np.einsum("ni,ij,nj->n", u, self.M, u) for u in (v, v_post))
         r = self.shape.contact_point(q[:, 2])
         more = {"energy_change": after - before, "residual": out.residual, "status": out.status}
         self.contacts.append(contact_columns(rows, t, (q, v, v_post), r, out.c, **more))

@@ -103,7 +103,7 @@ def impact(
 ) -> tuple[ContactImpulse, np.ndarray]:
     """Impulse of one contact on each of n mechanisms, and their velocity v⁺ (n, nv), NaN where the solve failed.
 
-    `mass` is (n, nv, nv), `J` (n, 2, nv) the contact rows (J_t, J_n), `v` (n, nv) the velocity before it;
+    `mass` is (nv, nv) or (n, nv, nv), `J` (n, 2, nv) the contact rows (J_t, J_n), `v` (n, nv) the velocity before it;
     `mu`, `epsilon` are scalars or (n,).
     """
     M_inv_Jt = np.linalg.solve(mass, np.swapaxes(J, 1, 2))

@@ -48,7 +48,6 @@ class Rod:
 class Mechanism(ABC):
     """A planar mechanism with nq = nv coordinates, q̇ = v, and p contact pairs."""
 
-    nq: int
     nv: int
     pairs: tuple[str, ...]  # names of the contact pairs
     constant: bool = False  # M and gravity do not depend on q and C v = 0, so that flight is a parabola
@@ -87,7 +86,7 @@ class PlanarFreeBody(Mechanism):
     """
 
     constant = True
-    nq = nv = 3
+    nv = 3
 
     def __init__(
         self,

@@ -33,10 +33,6 @@ from thesis_lib.simulate.stepping.contact_modes import StepSolution, solve_conta
 from thesis_lib.simulate.stepping.lcp import LcpStatus
 from thesis_lib.simulate.stepping.multibody import ContactGeometry, Mechanism
 
-# v_reb, m/s; velocity from gravity in a step of 5 ms: a slower rebound would end within the step in which it begins
-V_REBOUND = 0.05
-# v_rec, m/s; 0.5 mm in a step of 5 ms, the drift of a body of 1 m that rolls with a few rad/s
-V_RECOVER = 0.1
 MAX_START_DEPTH = 1e-6  # m; rounding of a touching pose
 # steps looked ahead in flight at once: with more, most of the work is discarded at a contact
 MAX_FLIGHT = 256
@@ -118,7 +114,7 @@ def step_lcp(
     at = terms or StateTerms.of(mechanism, q, v)
     v_free = v + h * (at.M_inv @ (at.gravity + f_ext - at.bias))
     mu, epsilon = np.broadcast_to(mu, p), np.broadcast_to(epsilon, p)
-    out = solve_contacts(mechanism, q, at.M_inv, v, v_free, h, mu, epsilon, V_REBOUND, V_RECOVER, at.contacts)
+    out = solve_contacts(mechanism, q, at.M_inv, v, v_free, h, mu, epsilon, at.contacts)
     return q + h * out.v, out.v, out
 
 
@@ -203,7 +199,7 @@ def _run(
                 total = total - mechanism.bias(q, v)
                 M_inv = np.linalg.inv(mechanism.mass_matrix(q))
             v_free = v + h * (M_inv @ total)
-        step = solve_contacts(mechanism, q, M_inv, v, v_free, h, mu, epsilon, V_REBOUND, V_RECOVER)
+        step = solve_contacts(mechanism, q, M_inv, v, v_free, h, mu, epsilon)
         q, v = q + h * step.v, step.v
         out.q[k + 1], out.v[k + 1] = q, v
         k += 1

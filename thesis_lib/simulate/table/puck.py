@@ -31,6 +31,7 @@ from thesis_lib.datasets.format.dataset import Dataset
 from thesis_lib.datasets.format.header import Header
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.foundation.randomness import generator
+from thesis_lib.simulate.rig.hidden_causes import NO_SIZE
 
 LENGTH, WIDTH = 1.2, 0.8  # m, between the cushions
 RADIUS, MASS = 0.04, 0.05  # m, kg
@@ -93,7 +94,7 @@ def hidden_table(hidden: str, size: float | None = None) -> Cushions:
     table = Cushions(np.zeros(4), np.full(4, EPSILON), np.full(4, MU), np.zeros(4))
     if hidden == "nothing":
         if size is not None:
-            raise UserError("--size has no meaning with --hidden nothing; leave it out.")
+            raise UserError(NO_SIZE)
         return table
     if hidden not in CAUSES:
         known = ", ".join([*CAUSES, "nothing"])

@@ -14,7 +14,7 @@ from thesis_lib.mechanics.space import SPACE, multiplied, of_rotation_vector
 from thesis_lib.mechanics.state import State
 from thesis_lib.simulate.rig.causes_in_space import filmed
 from thesis_lib.simulate.rig.smoothing import smoothed
-from thesis_lib.simulate.rig.tracker import FilterName
+from thesis_lib.simulate.rig.tracker import FilterName, lost_poses
 from thesis_lib.simulate.tosses.world import TossedWorld, TossEngine, released
 
 LAG = "time_lag.lag"  # here the orientation truly is older
@@ -56,10 +56,7 @@ def film(
         poses[3:] = np.where(lost_rng.random(taken.shape) < camera.flips, other, poses[3:])
     if camera.filter != "none":
         poses = _filtered(poses, camera, rate)
-    lost = lost_rng.random(taken.shape) < camera.dropped
-    start = lost_rng.integers(0, max(frames - camera.burst_length, 1), tosses)[:, None]
-    within = (np.arange(frames) >= start) & (np.arange(frames) < start + camera.burst_length)
-    lost |= within & (lost_rng.random((tosses, 1)) < camera.bursts)
+    lost = lost_poses(taken.shape, camera.dropped, camera.bursts, camera.burst_length, lost_rng)
     poses[3:] *= np.where(poses[3:4] < 0.0, -1.0, 1.0)
     trial = np.broadcast_to(np.arange(tosses)[:, None], taken.shape)
     columns = {"trial": trial[~lost], "t": stamped[~lost]} | {k: part[~lost] for k, part in zip(POSE_IN_SPACE, poses)}

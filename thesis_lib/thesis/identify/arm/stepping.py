@@ -21,8 +21,7 @@ import numpy as np
 from numba import njit
 
 from thesis_lib.simulate.stepping.arm_disk import MIN_DISTANCE, ArmDisk
-from thesis_lib.simulate.stepping.contact_modes import TOUCH
-from thesis_lib.simulate.stepping.stepping import V_REBOUND, V_RECOVER
+from thesis_lib.simulate.stepping.contact_modes import TOUCH, V_REBOUND, V_RECOVER
 
 OFF, STICK, SLIP_UP, SLIP_DOWN = range(4)  # v_t⁺ > 0 and v_t⁺ < 0 in the last two
 _SIGN = np.array([0.0, 0.0, 1.0, -1.0])

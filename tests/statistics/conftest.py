@@ -1,9 +1,0 @@
-"""One random stream for the tests of statistics."""
-
-import numpy as np
-import pytest
-
-
-@pytest.fixture
-def rng() -> np.random.Generator:
-    return np.random.default_rng(20180612)
