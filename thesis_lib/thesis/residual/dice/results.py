@@ -160,7 +160,7 @@ def calibration(throws: pd.DataFrame, coverage: pd.DataFrame) -> tuple[pd.DataFr
 
 def held_out_restitution(study: DiceStudy, settings: DiceStudySettings) -> pd.DataFrame:
     """Restitution against place of held-out contacts, measured and by the compliant contact (`restitution`)."""
-    return restitution(study.outcomes[COMPLIANT].thrower.model, study.held.contacts, settings.throw)
+    return restitution(study.outcomes[COMPLIANT].thrower.model, study.contacts, settings.throw)
 
 
 def restitution(model: DiceModel, contacts: MeasuredContacts, settings: ThrowSettings) -> pd.DataFrame:

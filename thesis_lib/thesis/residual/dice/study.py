@@ -75,6 +75,7 @@ class DiceStudy:
 
     releases: ThrowReleases  # all measured ones, training and held out
     held: "Measured"  # of the held-out throws
+    contacts: MeasuredContacts  # of all throws that train nothing: also of those without a release that is used
     outcomes: dict[str, HeldOutThrows]  # held-out throws of each model, by its name
     tables: dict[str, pd.DataFrame]
 
@@ -176,7 +177,8 @@ def _one_part(
         "budget": budget(throwers, training.releases, held.releases, held.contacts, side, settings, stream("budget")),
         "counts": pd.DataFrame(counts.items(), columns=["counted", "count"]),
     }
-    return DiceStudy(measured.releases, held, outcomes, tables)
+    untrained = measured.contacts.select(~np.isin(measured.contacts.trial, train))
+    return DiceStudy(measured.releases, held, untrained, outcomes, tables)
 
 
 def _train(
