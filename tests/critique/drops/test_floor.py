@@ -6,6 +6,7 @@ from hidden_effects import injected_impacts
 
 from thesis_lib.contact import LAWS
 from thesis_lib.critique.contacts.model import Model
+from thesis_lib.critique.drops.features import remaining
 from thesis_lib.critique.drops.questions.floor import FEWEST, NEAREST, floor
 from thesis_lib.critique.drops.world import Drops
 from thesis_lib.critique.likelihood.fit import Fit, fit
@@ -51,3 +52,9 @@ def test_few_impacts_have_no_pairs(impacts):
     few = impacts.rows(np.arange(round(0.9 * FEWEST / NEAREST / 2)))
     found = floor(fitted(few), few, np.random.default_rng(0))
     assert found.pairs is None
+
+
+@pytest.mark.parametrize("n", [0, 1, 3])
+def test_structure_is_not_looked_for_in_less_than_two_impacts_a_half(impacts, n):
+    found = remaining(fitted(impacts), impacts.rows(np.arange(n)), np.random.default_rng(0))
+    assert found.p_value == 1.0 and not found.depends_on and found.error_before == found.error_after < 0.5
