@@ -190,6 +190,16 @@ def test_hits_take_energy_and_the_body_comes_to_rest_on_the_surface(world):
     assert gap.min() > -2e-3 and np.abs(gap.reshape(8, -1)[:, -50:]).min(axis=1).max() < 3e-3
 
 
+def test_a_bracket_of_another_size_grows_about_its_centre_of_mass():
+    drawn = {"shape": "bracket", "size": 1.0, "rate": 240.0, "position": 2e-4, "rotation": 3e-3}
+    believed = header_of(drawn, np.array([0.0, 0.0, 1.0]), np.random.default_rng(0))
+    true = TossedWorld(believed, hidden={"wrong_size.s": 0.1}).rig
+    arms = [np.array(one.tracked.position) - one.body.centre for one in (believed, true)]
+    corners = [one.body.solid.corners - one.body.centre[:, None] for one in (believed, true)]
+    np.testing.assert_allclose(arms[1], arms[0], atol=1e-12)
+    np.testing.assert_allclose(np.sort(corners[1]), 1.1 * np.sort(corners[0]), atol=1e-9)
+
+
 @pytest.mark.parametrize("cause", OUTSIDE)
 def test_what_no_effect_describes_changes_the_tosses(cause):
     sizes = {

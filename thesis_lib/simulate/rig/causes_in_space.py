@@ -137,8 +137,9 @@ def true_rig(header: SpaceHeader, hidden: Hidden) -> SpaceHeader:
     principal = principal * (1.0 + np.array([0.0, get("inertia_ratios.a_y"), get("inertia_ratios.a_z")]))
     axes = rotation_matrix(of_rotation_vector(_vector(get, "inertia_axes.b_"))) @ axes
     tensor = (body.mass or 1.0) * (axes * principal) @ axes.T
-    if s := get("wrong_size.s"):
+    if s := get("wrong_size.s"):  # about the centre of mass, which stays where the tracked frame sees it
         shape = shape.scaled(1.0 + s)
+    grown = s * body.centre
     if rho := get("rounded_corners.rho"):
         if not isinstance(shape, Edged | Mesh):
             raise UserError(f"--hidden rounded_corners: a {body.shape.kind} has no edges.")
@@ -157,11 +158,11 @@ def true_rig(header: SpaceHeader, hidden: Hidden) -> SpaceHeader:
         "body": {
             "shape": shape,
             "mass": body.mass or 1.0,
-            "center_of_mass": tuple(body.centre + _vector(get, "com_offset.c_")),
+            "center_of_mass": tuple(body.centre + grown + _vector(get, "com_offset.c_")),
             "inertia": {name: tensor["xyz".index(name[0]), "xyz".index(name[1])] for name in names},
         },
         "tracked": {
-            "position": tuple(np.array(tracked.position) + _vector(get, "marker_offset.d_")),
+            "position": tuple(np.array(tracked.position) + grown + _vector(get, "marker_offset.d_")),
             "quaternion": tuple(turned),
         },
         "surface": {"point": tuple(frame.origin + get("surface_height.h") * n), "normal": tuple(n)},
