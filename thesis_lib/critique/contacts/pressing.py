@@ -14,7 +14,8 @@ on (μ, ε) as in a single contact; shifts of a contact point turn with the body
 the law is added to the impulse of each corner, at the velocity with which it touched.  Five are integrated with the
 rest: in the plane `tangential_compliance` is a spring along the surface, and under `soft_body` the force acts in the
 chord that the surface cuts off, the higher the deeper the body sinks in; in space the μ of
-`velocity_dependent_friction` follows the slip, and the couples of `torsional_friction` and `contact_torque` act while the contact lasts.
+`velocity_dependent_friction` follows the slip, and the couples of `torsional_friction` and `contact_torque` act while
+the contact lasts.
 """
 
 from collections.abc import Callable, Mapping
