@@ -1,5 +1,6 @@
 """Hits found in the trajectories of a tossed box are those that were, within their covariance."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -9,9 +10,11 @@ from scipy.spatial.transform import Rotation
 from tosses import simulate_tosses
 
 from thesis_lib.bodies.solids import Box, Sphere, contact_kind
+from thesis_lib.critique.likelihood.in_space import episodes
 from thesis_lib.critique.likelihood.in_space.hits import beside, jump, observe_in_space
 from thesis_lib.critique.likelihood.in_space.left_out import has_another_hit, off_free_motion
 from thesis_lib.datasets import dataset_of
+from thesis_lib.datasets.checks.jumps import out_and_back
 from thesis_lib.datasets.flights.beside_hits import fit_windows
 from thesis_lib.datasets.flights.rounding import contact_guard
 from thesis_lib.datasets.format.frames import surface_frames
@@ -23,6 +26,7 @@ from thesis_lib.mechanics.space import SPACE, of_rotation_vector
 from thesis_lib.mechanics.state import State
 
 BODY = {"shape": {"kind": "box", "half_extents": [0.05, 0.04, 0.03]}, "mass": 0.25, "homogeneous": True}
+_HITS_TWICE = episodes._hits_twice
 ALONE = 5e-3  # s to the next hit: two hits between two frames are seen as one
 TURN = Rotation.from_rotvec([0.4, -1.0, 0.7])
 SEEN = {  # tracked frame and camera's axes
@@ -216,3 +220,36 @@ def test_round_corners_are_no_contacts_that_last(tau):
     shape = np.column_stack([np.ones(300), normal])
     assert contact_guard(sunk, speed) > 5e-4 + 1.5 * tau
     assert contact_guard(sunk, speed, shape) == pytest.approx(1.5 * tau, abs=2e-4)
+
+
+def test_a_body_that_leaves_the_surface_late_has_hit_more_than_once(tossed, monkeypatch):
+    seen = []
+    monkeypatch.setattr(episodes, "_hits_twice", lambda *args: seen.append(args) or _HITS_TWICE(*args))
+    observe_in_space(tossed.dataset)
+    ((poses, alone),) = seen
+    several, t = _HITS_TWICE(poses, alone), poses.samples.t.copy()
+    late = np.flatnonzero(~several)[::8]
+    for row, count in alone.loc[late, ["row_post", "n_post"]].to_numpy():
+        t[row : row + count] += 4e-3  # s; the same corner touched last
+    moved = _HITS_TWICE(replace(poses, samples=replace(poses.samples, t=t)), alone)
+    assert len(late) > 5 and moved[late].all()
+    others = np.setdiff1d(np.flatnonzero(~several), late)
+    assert moved[others].mean() < 0.1
+
+
+@pytest.mark.slow
+def test_frames_in_which_a_tag_is_read_in_its_other_pose_are_left_out(tossed):
+    rng, table = np.random.default_rng(6), tossed.dataset.trajectories.copy()
+    flipped = rng.random(len(table)) < 0.02
+    turned = Rotation.from_quat(table[list(QUATERNION)].to_numpy(), scalar_first=True) * Rotation.from_rotvec(
+        [0, 0.7, 0]
+    )
+    table.loc[flipped, list(QUATERNION)] = turned.as_quat(scalar_first=True)[flipped]
+    out = out_and_back(*(table[names].to_numpy() for names in ("trial", "t", list(QUATERNION))))
+    assert out[flipped].mean() > 0.9 and not out[~flipped].any()
+    found, expected = observe_in_space(replace(tossed.dataset, trajectories=table)), observe_in_space(tossed.dataset)
+    assert f"in {out.sum()} of {len(table)} rows the orientation has jumped" in " ".join(found.found.warnings)
+    assert len(found) > 0.9 * len(expected)
+    assert not out_and_back(
+        *(tossed.dataset.trajectories[n].to_numpy() for n in ("trial", "t", list(QUATERNION)))
+    ).any()

@@ -10,12 +10,15 @@ to trial are none.
 """
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
 from thesis_lib.datasets.space.motion import turning
+from thesis_lib.mechanics.space import SPACE
 
 TURN = 0.3  # rad
+BACK = 0.1  # s in which an orientation jumps back; a tag that is read in its other pose for longer is left as it is
 NEIGHBOURS = 3  # samples on either side that say what is usual
 BESIDE = 4  # samples on either side of a jump of place
 ODD, PLACE = 5.0, 1e-3  # usual steps, and m: a jump of place is larger
@@ -55,6 +58,29 @@ def turn_jumps(trial: np.ndarray, t: np.ndarray, quaternion: np.ndarray) -> Jump
     around = np.lib.stride_tricks.sliding_window_view(np.pad(step, NEIGHBOURS, mode="edge"), 2 * NEIGHBOURS + 1)
     far = step > TURN + 3.0 * np.median(around, axis=1)
     return _jumps(trial, rows[1:][far], step[far])
+
+
+def out_and_back(trial: np.ndarray, t: np.ndarray, quaternion: np.ndarray) -> np.ndarray:
+    """Mask (n,) of samples in which a tag is read in its other pose: their orientation (n, 4), scalar first, has
+    jumped, and soon jumps back to where the body has turned meanwhile.  Times t (n,) in s rise within a trial."""
+    mask = np.zeros(len(t), bool)
+    if len(t) < 2 * NEIGHBOURS + 2:
+        return mask
+    dt, same = np.diff(t), trial[1:] == trial[:-1]
+    rate = np.where(same, SPACE.turn_between(quaternion[:-1].T, quaternion[1:].T) / np.where(same, dt, 1.0), 0.0)
+    speed = np.linalg.norm(rate, axis=0)
+    around = np.lib.stride_tricks.sliding_window_view(np.pad(speed, NEIGHBOURS, mode="edge"), 2 * NEIGHBOURS + 1)
+    far = speed * dt > TURN + 3.0 * np.quantile(around, 0.25, axis=1) * dt  # a median of these may be a jump, too
+    steady, done, jumps = same & ~far, -1, np.flatnonzero(far & same)
+    for out, back in pairwise(jumps):  # from the sample with the number of the step to the next one
+        if out < done or trial[out] != trial[back + 1] or t[back + 1] - t[out] > BACK:
+            continue
+        beside = [step for step in (out - 1, back + 1) if 0 <= step < len(dt) and steady[step]]
+        spin = rate[:, beside].mean(axis=1) if beside else np.zeros(3)
+        turn = SPACE.turn_between(quaternion[out][:, None], quaternion[back + 1][:, None])[:, 0]
+        if np.linalg.norm(turn - spin * (t[back + 1] - t[out])) < TURN:
+            mask[out + 1 : back + 1], done = True, back + 1
+    return mask
 
 
 def place_jumps(trial: np.ndarray, t: np.ndarray, position: np.ndarray, quaternion: np.ndarray | None) -> Jumps:

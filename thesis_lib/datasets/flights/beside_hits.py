@@ -62,7 +62,8 @@ def fit_turning(
         G: (3, 3) believed inertia per mass in m², axes of the body.
     """
     n, measured = len(tau), np.moveaxis(attitude, -1, 0)  # (4, n, W)
-    q, spin = _start(measured, tau, used)
+    tau = np.where(used, tau, 0.0)  # other times may be those of another flight
+    q, spin, interval = _start(measured, tau, used)
     times, measured = tau.T, np.swapaxes(measured, 1, 2)  # (W, n), (4, W, n)
     weight = used.T.astype(float)
     for _ in range(ROUNDS):
@@ -72,19 +73,21 @@ def fit_turning(
         J = found.matrix()[3:, [3, 4, 5, 9, 10, 11]]  # (3, 6, W, n)
         normal = np.einsum("kiwn,kjwn,wn->nij", J, J, weight)
         step = np.linalg.solve(normal, np.einsum("kiwn,kwn,wn->ni", J, left, weight)[..., None])[..., 0].T
+        step = np.where(np.linalg.norm(spin + step[3:], axis=0) * interval < np.pi, step, 0.0)  # no faster one is seen
         q, spin = SPACE.attitude_after(q, step[:3]), spin + step[3:]
         if np.abs(step).max(initial=0.0) < SETTLED:
             break
     return q / np.sqrt((q * q).sum(axis=0)), spin, np.linalg.inv(normal)
 
 
-def _start(measured: np.ndarray, tau: np.ndarray, used: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Attitude (4, n) and spin (3, n) at the impact by the two used samples that are next to it."""
+def _start(measured: np.ndarray, tau: np.ndarray, used: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Attitude (4, n) and spin (3, n) at the impact by the two used samples that are next to it, and the time (n,) in s
+    between these."""
     bodies = np.arange(len(tau))
     order = np.argsort(np.where(used, np.abs(tau), np.inf), axis=1)
     (t_0, q_0), (t_1, q_1) = ((tau[bodies, at], measured[:, bodies, at]) for at in (order[:, 0], order[:, 1]))
     spin = SPACE.turn_between(q_0, q_1) / (t_1 - t_0)
-    return SPACE.attitude_after(q_0, -t_0 * spin), spin
+    return SPACE.attitude_after(q_0, -t_0 * spin), spin, np.abs(t_1 - t_0)
 
 
 def turns_left(
@@ -92,7 +95,8 @@ def turns_left(
 ) -> np.ndarray:
     """Turns (n, W, 3) in rad from torque-free motion to the attitudes of one side, 0 of what is not used; as
     `fit_windows`."""
-    believed, _ = attitudes(fitted.value[:, side, 3:].T, fitted.slope[:, side, 3:].T, G, tau.T)
+    times = np.where(used[:, side], tau, 0.0).T
+    believed, _ = attitudes(fitted.value[:, side, 3:].T, fitted.slope[:, side, 3:].T, G, times)
     left = SPACE.turn_between(believed, np.moveaxis(pose[:, :, 3:], -1, 0).swapaxes(1, 2))
     return np.moveaxis(left, 0, -1).swapaxes(0, 1) * used[:, side, :, None]
 

@@ -3,7 +3,7 @@
 Hits with too few samples between them are put together as in the plane (`datasets/impacts/episodes.py`).  Two hits
 between two samples look like one.  They are found by the corners: the flight before, followed on, touches the
 surface with one, and the flight after, followed back, with another one; where two corners are within `LEVEL` then, it
-may be either.
+may be either.  A body that hits with one corner, another one and the first again leaves later than others do.
 """
 
 import numpy as np
@@ -17,9 +17,11 @@ from thesis_lib.datasets.impacts.episodes import groups_of_hits
 from thesis_lib.effects.effect import Rig
 from thesis_lib.mechanics.free_motion import flown
 from thesis_lib.mechanics.state import State
+from thesis_lib.statistics.spread import robust_std
 
 LEVEL = 1e-3  # m between two corners: three standard deviations of their height where a flight is extrapolated
 LOOK = 1e-4  # s between the poses in which a touch is looked for
+OUTLASTS = 4.0  # robust standard deviations by which contacts last longer than others
 EDGE = 1e-6  # s; instants that are nearer are the same sample's
 HARD = 0.4  # m/s: weaker hits are of no kind of contact
 OFF_SURFACE = 0.25  # extents of the body from where most hits are: a hand, a wall, another body, the table's edge
@@ -100,14 +102,20 @@ def _hits_twice(poses: Poses, alone: pd.DataFrame) -> np.ndarray:
     rig = poses.rig
     if contact_points(rig) == 1 or not len(alone):
         return np.zeros(len(alone), bool)
-    corners, close = [], []
+    corners, close, touch = [], [], []
     for side, way in (("pre", -1), ("post", 1)):
         row, count = (alone[f"{name}_{side}"].to_numpy() for name in ("row", "n"))
         fitted = poses.side(row, count, way, poses.samples.t[row])[0]
-        _, corner, near = _touch(rig, state_under_gravity(fitted, rig), -way)
+        tau, corner, near = _touch(rig, state_under_gravity(fitted, rig), -way)
         corners.append(corner)
         close.append(near)
-    return (corners[0] != corners[1]) | close[0] | close[1]
+        touch.append(poses.samples.t[row] + tau)
+    several = (corners[0] != corners[1]) | close[0] | close[1]
+    lasts = touch[1] - touch[0]
+    if not several.all():
+        longer = lasts - np.median(lasts[~several])
+        several |= longer > OUTLASTS * robust_std(longer[~several])
+    return several
 
 
 def _touch(rig: Rig, state: State, way: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -19,6 +19,7 @@ import pandas as pd
 
 from thesis_lib.bodies.solids import Sphere
 from thesis_lib.datasets.checks.in_space import reading_of
+from thesis_lib.datasets.checks.jumps import out_and_back
 from thesis_lib.datasets.flights.lines import lines_through
 from thesis_lib.datasets.flights.windows import Windows, sides_of, windows_around
 from thesis_lib.datasets.format.dataset import Dataset
@@ -57,6 +58,14 @@ def readable(dataset: Dataset) -> tuple[pd.DataFrame, tuple[AsWritten, ...], tup
     _require_turns(dataset)
     table, changed = _as_taken(table.iloc[np.lexsort((table["t"], table["trial"]))], dataset.in_space)
     told += changed
+    if dataset.has_angle:
+        flipped = out_and_back(*(table[names].to_numpy(float) for names in ("trial", "t", list(QUATERNION))))
+        if flipped.any():
+            told.append(
+                f"in {np.sum(flipped)} of {len(flipped)} rows the orientation has jumped and soon jumps back, as if a "
+                "tag were read in its other pose: no hit or flight is found from them"
+            )
+            table = table[~flipped]
     if dataset.has_angle and dataset.gravity and (name := reading_of(table, RELABELLINGS, dataset.gravity)):
         q, P = table[list(QUATERNION)].to_numpy(float), RELABELLINGS[name]
         told.append(f"as they are written, quaternions let no body fall freely; hits and flights are found with {name}")
