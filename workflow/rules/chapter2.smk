@@ -181,6 +181,7 @@ rule ch2_wheel:
         drawn_by("ch2_wheel"),
         rows=f"{CH2}/wheel_forces_rows.csv",
         table=shown("wheel_forces"),
+        mass=f"{CH2}/wheel_mass.csv",
     log:
         "results/logs/ch2_wheel.log",
     benchmark:

@@ -21,6 +21,7 @@ stream = partial(generator, snakemake.params.seed, "ch2_wheel")
 rows = study.wheel_force_study(settings.n, stream("study"), settings, bodies)
 write_result(rows, snakemake.output.rows)
 write_result(study.wheel_force_table(rows), snakemake.output.table)
+write_result(study.mass_summary(settings, bodies), snakemake.output.mass)
 drawn = {
     "figure_2_10": figure_2_10(study.motion_by_mass(settings, bodies)),
     "figure_2_11": figure_2_11(study.example_forces(stream("figure"), settings, bodies)),

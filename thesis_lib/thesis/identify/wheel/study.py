@@ -184,3 +184,18 @@ def motion_by_mass(settings: WheelStudy, bodies: Chapter2Bodies) -> pd.DataFrame
             raise UserError(f"The wheel of {mass} kg could not be simulated for {settings.mass_seconds} s; shorten it.")
         parts.append(pd.DataFrame({"mass": mass, "t": record.t, "theta": record.q[:, 2], "omega": record.v[:, 2]}))
     return pd.concat(parts, ignore_index=True)
+
+
+def mass_summary(settings: WheelStudy, bodies: Chapter2Bodies) -> pd.DataFrame:
+    """By how much the mass changes the motion (`motion_by_mass`), and how far the simulation is from exact.
+
+    Returns:
+        One row: apart (rad), the largest difference of two angles at the end; step_error (rad), by how much half the
+        step changes that of one mass at most.
+
+    Raises:
+        UserError: a motion could not be simulated.
+    """
+    finer = bodies.model_copy(update={"h": 0.5 * bodies.h})
+    last, exact = (motion_by_mass(settings, each).groupby("mass")["theta"].last() for each in (bodies, finer))
+    return pd.DataFrame({"apart": [np.ptp(last)], "step_error": [(exact - last).abs().max()]})
