@@ -259,7 +259,8 @@ def _check_jumps(table: UsableRows, facts: MotionFacts) -> None:
     """Report a tag that flips, and another one that takes over."""
     turned, moved, n = facts.turned, facts.moved, len(table.data)
     by, off = f"{np.degrees(turned.size):.0f}°", f"{1e3 * moved.size:.2g} mm"
-    empty, one = "leave the orientation of such samples empty", "use one tag throughout, or remove such samples"
+    empty = "`critique` leaves out samples whose orientation soon jumps back; leave that of others empty"
+    one = "use one tag throughout, or remove such samples"
     for jumps, name, size, why, where, remedy in (
         (turned, "orientation", by, "a tag flips", "columns qw, qx, qy, qz", empty),
         (moved, "position", off, "another tag takes over", "columns x, y, z", one),
