@@ -13,7 +13,8 @@
    the next effect would.  In space one that leaves no error is taken before any effect is tried.  Where quick fits say
    that it gains far more than any effect, no effect is judged before it.  Where a step leaves an error, the next best
    effects are tried with these bases, too.  If an error is left in the end, and few effects were found on the reserve,
-   the search goes on without it from where it was taken, and the better of the two ends counts.
+   the search goes on without it from where it was taken; in space, where none of it was taken, from the end with the
+   best of it, as base and effect may only help together.  The better of the two ends counts.
 6. Effects that were found on a simpler base are fitted once more on the reserve, and stay there if it predicts better.
 """
 
@@ -90,6 +91,8 @@ class Search(Generic[E, F, J]):
         simpler = path.simpler_within(self.settings.enough_on_reserve)
         if simpler and world.leaves_an_error(path.judged):
             path = self.better_of(path, simpler)
+        elif fixed is None and world.asks_reserve_first and world.leaves_an_error(path.judged):
+            path = self.better_on_reserve(path)
         if path.steps:
             self.refine(path, "useless" if fixed is None else "none")
         rest = [e for e in world.candidates.values() if e not in path.fitted.effects]
@@ -188,16 +191,25 @@ class Search(Generic[E, F, J]):
             candidates = self.worth_a_fit(fitted, path.judged, candidates, tests)
         return Shortlist(self.quick_fits(contenders, candidates, fitted), contenders, tests, base)
 
-    def better_of(self, path: Path[E, F, J], simpler: Path[E, F, J]) -> Path[E, F, J]:
-        """The path on a base of the reserve, or that which goes on without it, if this ends better."""
-        self.say(f"on {simpler.fitted.base} once more, with other effects")
-        if simpler.steps:
-            last = simpler.steps[-1] = self.bases.with_best_base(simpler.steps[-1])
-            simpler.fitted = last.fitted
-        simpler = self.extend(simpler, with_reserve=False)
-        gain = self.evidence.gain(simpler.judged, path.judged, "simpler", simpler.base)
-        errs_more = self.world.errs_more(simpler.judged, path.judged, self.settings)
-        return simpler if gain[1] > 0.0 and not errs_more else path
+    def better_of(self, path: Path[E, F, J], other: Path[E, F, J]) -> Path[E, F, J]:
+        """The path, or another one, taken to its end, if it ends better."""
+        self.say(f"on {other.fitted.base} once more, with other effects")
+        if other.steps:
+            last = other.steps[-1] = self.bases.with_best_base(other.steps[-1])
+            other.fitted = last.fitted
+        other = self.extend(other, with_reserve=False)
+        gain = self.evidence.gain(other.judged, path.judged, "simpler", other.base)
+        errs_more = self.world.errs_more(other.judged, path.judged, self.settings)
+        return other if gain[1] > 0.0 and not errs_more else path
+
+    def better_on_reserve(self, path: Path[E, F, J]) -> Path[E, F, J]:
+        """The path, or one from its end on the best base of the reserve, if that ends better."""
+        if not (reserve := self.bases.reserve(path.fitted)):
+            return path
+        fitted = self.bases.in_full(max(reserve, key=lambda fit: fit.score))
+        other = replace(path, steps=list(path.steps), left={name: list(at) for name, at in path.left.items()})
+        self.on_other_base(other, (fitted, self.evidence.judge(fitted)))
+        return self.better_of(path, other)
 
     def refine(self, path: Path[E, F, J], drop: Drop) -> None:
         """Put a path on the base of the reserve that says the same with fewer approximations, if it predicts better."""
