@@ -8,6 +8,7 @@ may be either.  A body that hits with one corner, another one and the first agai
 
 import numpy as np
 import pandas as pd
+from scipy.stats import theilslopes
 
 from thesis_lib.bodies.minkowski import MinkowskiSum
 from thesis_lib.critique.contacts.pressing import contact_points
@@ -16,12 +17,13 @@ from thesis_lib.critique.likelihood.observations import LATE, LONGEST_WAIT, Obse
 from thesis_lib.datasets.impacts.episodes import groups_of_hits
 from thesis_lib.effects.effect import Rig
 from thesis_lib.mechanics.free_motion import flown
+from thesis_lib.mechanics.space import SPACE
 from thesis_lib.mechanics.state import State
 from thesis_lib.statistics.spread import robust_std
 
 LEVEL = 1e-3  # m between two corners: three standard deviations of their height where a flight is extrapolated
 LOOK = 1e-4  # s between the poses in which a touch is looked for
-OUTLASTS = 4.0  # robust standard deviations by which contacts last longer than others
+OUTLASTS, FEWEST = 4.0, 10  # robust standard deviations by which contacts last longer than others, of so many hits
 EDGE = 1e-6  # s; instants that are nearer are the same sample's
 HARD = 0.4  # m/s: weaker hits are of no kind of contact
 OFF_SURFACE = 0.25  # extents of the body from where most hits are: a hand, a wall, another body, the table's edge
@@ -102,19 +104,27 @@ def _hits_twice(poses: Poses, alone: pd.DataFrame) -> np.ndarray:
     rig = poses.rig
     if contact_points(rig) == 1 or not len(alone):
         return np.zeros(len(alone), bool)
-    corners, close, touch = [], [], []
+    corners, t, rate = [], [], []
+    several = np.zeros(len(alone), bool)
+    known = ~several
     for side, way in (("pre", -1), ("post", 1)):
         row, count = (alone[f"{name}_{side}"].to_numpy() for name in ("row", "n"))
-        fitted = poses.side(row, count, way, poses.samples.t[row])[0]
-        tau, corner, near = _touch(rig, state_under_gravity(fitted, rig), -way)
+        state = state_under_gravity(poses.side(row, count, way, poses.samples.t[row])[0], rig)
+        tau, corner, near = _touch(rig, state, -way)
         corners.append(corner)
-        close.append(near)
-        touch.append(poses.samples.t[row] + tau)
-    several = (corners[0] != corners[1]) | close[0] | close[1]
-    lasts = touch[1] - touch[0]
-    if not several.all():
-        longer = lasts - np.median(lasts[~several])
-        several |= longer > OUTLASTS * robust_std(longer[~several])
+        several |= near
+        known &= tau != 0.0  # a believed body that is below the surface at a sample touched at nobody knows what time
+        t.append(poses.samples.t[row] + tau)
+        rate.append(np.abs(SPACE.velocity_at(state.velocity, state.spin, rig.lowest(state))[2]))
+    several |= corners[0] != corners[1]
+    rows = np.flatnonzero(~several & (np.min(rate, axis=0) > 0.0))
+    known = known[rows]
+    if known.sum() > max(FEWEST, 0.5 * len(rows)):
+        # a body that is believed too large or too high seems to touch for longer, the slower it is
+        lasts, slowness = (t[1] - t[0])[rows], (1.0 / rate[0] + 1.0 / rate[1])[rows]
+        slope, middle, *_ = theilslopes(lasts[known], slowness[known])
+        longer = lasts - middle - slope * slowness
+        several[rows] = longer > OUTLASTS * robust_std(longer[known])
     return several
 
 
