@@ -61,7 +61,7 @@ def test_samples_of_a_push_follow_each_other(collected):
 
 
 def assert_the_same_but_unlabelled(unlabelled: PushSamples, labelled: PushSamples):
-    assert set(labelled.truth) <= {FREE, STUCK} and set(unlabelled.truth) == {UNKNOWN}
+    assert set(labelled.truth) <= {FREE, STUCK, UNKNOWN} and set(unlabelled.truth) == {UNKNOWN}
     same = [as_table(samples).drop(columns="truth") for samples in (unlabelled, labelled)]
     pd.testing.assert_frame_equal(*same, check_exact=True)
 
@@ -70,6 +70,14 @@ def test_samples_without_the_hidden_label_are_otherwise_the_same(collected):
     samples, table = explore_tower(SEED, 7, REDUCED, limit=8, label=False)
     assert_the_same_but_unlabelled(samples, collected[0].first(8))
     assert set(table["truth"]) == {UNKNOWN}
+
+
+def test_a_push_that_misses_feels_nothing_and_has_no_label():
+    always = Setup(collect=CollectSettings(reduced=True, miss=1.0))
+    samples, table = explore_tower(SEED, 7, always, limit=6)
+    assert set(samples.truth) == set(table["truth"]) == {UNKNOWN}
+    assert np.abs(samples.next_state[:, F_N]).max() < 5 * always.sensing.force
+    assert np.abs(samples.next_state[:, 0]).max() < 5e3 * always.sensing.pose_first
 
 
 @pytest.mark.slow

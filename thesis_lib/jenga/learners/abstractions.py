@@ -52,7 +52,7 @@ from thesis_lib.jenga.robot.samples import F_N, FREE, STATE, STUCK, TOWER, UNKNO
 PLAUSIBLE = 0.05  # belief below which an abstraction cannot explain a sample
 LEVEL = 0.05  # of the predictive check, for a push and for all together
 PERMUTATIONS, RESAMPLES = 2000, 1000
-FIRST = 5  # samples of a push from which stuck or free is decided
+FIRST = 8  # samples of a push from which stuck or free is decided: five or more have met the block
 ENOUGH = 20  # reference pushes: with fewer, no p-value of a push can reach the level
 
 

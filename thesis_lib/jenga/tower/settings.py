@@ -21,7 +21,7 @@ class TowerSettings(Section):
     """A tower of 18 layers of three blocks that differ in height only."""
 
     block: tuple[float, float, float] = Field((0.075, 0.025, 0.015), description="m, length, width, height; usual game")
-    height_tolerance: float = Field(0.15e-3, ge=0, description="m, one sigma; own choice: 47 % movable; real: 0.175 mm")
+    height_tolerance: float = Field(0.08e-3, ge=0, description="m, one sigma; calibrated; real: 0.175 mm, see `tower`")
     length_tolerance: float = Field(0.0, ge=0, description="m, one sigma; own choice: height alone makes blocks loose")
     width_tolerance: float = Field(0.0, ge=0, description="m, one sigma; own choice, as length")
     clip: float = Field(2.5, gt=0, description="sigmas at which tolerances are cut; own choice")
@@ -54,6 +54,7 @@ class RobotSettings(Section):
     tip_mass: float = Field(0.05, gt=0, description="kg of finger and mount; own choice")
     stiffness: float = Field(650.0, gt=0, description="N/m of the finger; own choice: bottom blocks go after 5 steps")
     force_limit: float = Field(4.0, gt=0, description="N of the arm; own choice: too little to drag the bottom layers")
+    start_off: tuple[float, float] = Field((1e-3, 3e-3), description="m off the block, a push starts so; own choice")
     step: float = Field(1e-3, gt=0, description="m a push; thesis")
     step_time: float = Field(0.05, gt=0, description="s simulated for it; own choice: 0.1 s takes twice the CPU time")
     averaged: int = Field(10, ge=1, description="time steps at its end over which force is averaged; own choice")
@@ -97,7 +98,9 @@ class CollectSettings(Section):
     change: float = Field(0.25, ge=0, le=1, description="probability a step that contact and heading are drawn anew")
     offset: float = Field(8e-3, ge=0, description="m, contact locations are uniform within this of the centre")
     heading: float = Field(0.15, ge=0, description="rad, headings are uniform within this")
-    retract: float = Field(0.1, ge=0, le=1, description="probability a step of giving up: 100 samples hold many blocks")
+    miss: float = Field(0.2, ge=0, le=1, description="probability that a push meets nothing; own choice")
+    retract: float = Field(0.2, ge=0, le=1, description="probability a step of giving up: 100 samples hold many blocks")
+    fewest: int = Field(6, ge=1, description="steps before that, so that each push has met what there is to meet")
     force_limit: float | None = Field(None, gt=0, description="N read that end the push; null: only the arm's limit")
     tower_limit: float = Field(6e-3, gt=0, description="m of perturbation seen that ends the push; spares the tower")
     stray_limit: float = Field(12e-3, gt=0, description="m sideways or of yaw·r_g that ends the push: the block leaves")
@@ -108,7 +111,7 @@ class MovableSettings(Section):
     """When a block counts as movable in a straight centred push."""
 
     steps: int = Field(6, ge=1, description="of 1 mm; own choice: a stuck block bends the finger by up to 4 mm")
-    threshold: float = Field(1e-3, gt=0, description="m that others may move; so 47 % of towers 0 to 4 are movable")
+    threshold: float = Field(1e-3, gt=0, description="m that others may move; own choice: best tells what comes out")
     follows: float = Field(0.5, ge=0, lt=1, description="share of the advance that the block must make; own choice")
 
     @property

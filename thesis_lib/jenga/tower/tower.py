@@ -4,6 +4,13 @@ Heights are h_b = h + δ_b, δ_b ~ N(0, σ_h²) cut at 2.5 σ_h, drawn from the 
 stuck blocks.  Blocks are numbered 3 layer + place, from the bottom; 0 to 44 are reachable (thesis: the last three
 layers are not).  Even layers lie along x, odd ones along y; place 1 is the middle.
 
+The spread is calibrated on development towers (seeds below 10, none of them a tower of the study): of the blocks pushed
+straight 45 mm at most, about 47 % are to reach the goal and come out with nothing damaged (figure 5-6, section 5.4.4).
+With a wide spread only two blocks of a layer bear, each half of the load, and friction drags the tower along with them
+(44 % at 0.15 mm, whatever friction and finger); with a narrow one wood gives way by as much as blocks differ, the third
+bears too, and a block with less than half of the load slips out of a tower that stands (0.08 mm).  Forces scale with
+friction and weight and decide nothing here.
+
 A tower that exploded gives data that look ordinary (hardly any force, nearly every block movable), so every tower is
 checked before and after use.  The top of a layer lies between its second-highest and highest block, so the height H of
 the tower satisfies Σ h_(2) − s ≤ H ≤ Σ h_(3) + s, with s for the elastic sinking.
