@@ -3,12 +3,13 @@
 Learners are hma, mor and network.  The controller charges the growth of p(no move) for hma only; hma_without_cost,
 mor_with_cost and network_with_cost are the same learners, fitted with the same random numbers, without and with it.
 hma_one_shot learns abstractions and transitions jointly.  Without training are rule, always_push, exploration and
-oracle.
+oracle.  hma_erring and exploration_erring are hma and exploration with a hand that errs (`setup_of`): figure 5-6 is of
+a real robot, whose extractions fail, figure 5-5 of a simulation.
 
 The oracle simulates each push on the tower before making it: an upper bound for the other policies.  For each block a
 straight push to the goal and the extraction are simulated, and the tower is restored.  The push is made only if no
 damage was done.  The oracle judges each block alone, whatever the tower is worth afterwards, so it bounds policies that
-push straight and decide block by block.  Simulated and real push agree to the last bit.
+push straight and decide block by block.  It simulates from contact; the real push starts off the block.
 """
 
 from collections.abc import Sequence
@@ -21,6 +22,7 @@ from thesis_lib.jenga.play.policies import Action, AlwaysPush, Exploration, Poli
 from thesis_lib.jenga.play.settings import Chapter5, OracleSettings
 from thesis_lib.jenga.robot.movable import comes_out
 from thesis_lib.jenga.robot.samples import MM, PushSamples
+from thesis_lib.jenga.tower.settings import Setup
 from thesis_lib.jenga.tower.tower import Tower, TowerError
 
 if TYPE_CHECKING:  # learners need torch, which takes longer to import than a rule takes to play a block
@@ -29,7 +31,8 @@ if TYPE_CHECKING:  # learners need torch, which takes longer to import than a ru
 
 
 # policy -> whose learner it is, if it differs in the controller only
-LEARNS_AS = {"hma_without_cost": "hma", "mor_with_cost": "mor", "network_with_cost": "network"}
+LEARNS_AS = {"hma_without_cost": "hma", "hma_erring": "hma", "mor_with_cost": "mor", "network_with_cost": "network"}
+ERRING = ("hma_erring", "exploration_erring")
 WITHOUT_COST = ("hma_without_cost", "mor", "network")
 
 
@@ -60,6 +63,14 @@ def would_succeed(tower: Tower, block: int, push: Push, damage: float) -> bool:
         return False
 
 
+def setup_of(name: str, settings: Chapter5) -> Setup:
+    """The set-up of the games of the policy of this name: the hand errs, or does not."""
+    if name not in ERRING:
+        return settings.setup
+    robot = settings.setup.robot.model_copy(update={"grasp_error": settings.play.hand_error})
+    return settings.setup.model_copy(update={"robot": robot})
+
+
 def learner_of(name: str, settings: Chapter5) -> "Learner":
     """An unfitted learner, by the name of a policy; UserError for an unknown name."""
     from thesis_lib.jenga.learners.hma import Hma
@@ -86,6 +97,7 @@ def policy_of(
         "rule": lambda: RulePolicy(play.rule),
         "always_push": AlwaysPush,
         "exploration": lambda: Exploration(play.supervisor, settings.setup.collect),
+        "exploration_erring": lambda: Exploration(play.supervisor, settings.setup.collect, name),
         "oracle": lambda: Oracle(play.oracle),
     }
     if name in fixed:

@@ -97,10 +97,13 @@ class Exploration(Policy):
     Unlike collection it never gives up at random: only the supervisor ends a push.
     """
 
-    name = "exploration"
-
-    def __init__(self, settings: SupervisorSettings | None = None, collect: CollectSettings | None = None):
-        self.settings, self.random = settings or SupervisorSettings(), collect or CollectSettings()
+    def __init__(
+        self,
+        settings: SupervisorSettings | None = None,
+        collect: CollectSettings | None = None,
+        name: str = "exploration",
+    ):
+        self.settings, self.random, self.name = settings or SupervisorSettings(), collect or CollectSettings(), name
 
     def start(self, block: int, context: np.ndarray) -> None:
         self.last = self._draw()

@@ -103,12 +103,13 @@ def paired(games: pd.DataFrame, policy: str = "hma") -> pd.DataFrame:
 
 
 def success_table(attempts: pd.DataFrame, size: int) -> pd.DataFrame:
-    """Attempts and successes of push, extract and place (figure 5-6): exploration against hma at `size` samples.
+    """Attempts and successes of push, extract and place (figure 5-6): exploration against hma at `size` samples,
+    both with the erring hand.
 
     Columns phase, position, action, attempts, successes, share, std, low, high (Wilson, 95 %), published (share).
     """
     rows = []
-    for phase, policy, own_size in (("exploration", "exploration", 0), ("learned", "hma", size)):
+    for phase, policy, own_size in (("exploration", "exploration_erring", 0), ("learned", "hma_erring", size)):
         of_policy = attempts[(attempts["policy"] == policy) & (attempts["size"] == own_size)]
         for position in ("all", "side", "middle"):
             part = of_policy if position == "all" else of_policy[of_policy["side"] == int(position == "side")]

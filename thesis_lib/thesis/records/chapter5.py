@@ -10,6 +10,7 @@ from thesis_lib.thesis.records.rows import DataFrame, Row, counted, lies
 POLICIES = {  # as in the legend of figure 5-5 B
     "hma": "HMA",
     "hma_without_cost": "HMA without “no move” cost",
+    "hma_erring": "HMA with an erring hand",
     "hma_one_shot": "HMA in one shot",
     "mor": "MOR",
     "mor_with_cost": "MOR with “no move” cost",
@@ -19,6 +20,7 @@ POLICIES = {  # as in the legend of figure 5-5 B
     "oracle": "oracle",
     "rule": "rule",
     "exploration": "exploration",
+    "exploration_erring": "exploration with an erring hand",
     "always_push": "always push",
 }
 GOAL = 21  # extractions that the thesis expects on an untouched tower

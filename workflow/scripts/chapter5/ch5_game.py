@@ -6,7 +6,7 @@ sys.stdout = sys.stderr = open(snakemake.log[0], "w", buffering=1)  # noqa: SIM1
 
 from thesis_lib.foundation.randomness import generator
 from thesis_lib.jenga.play.game import play, write_game
-from thesis_lib.jenga.play.players import LEARNS_AS, policy_of
+from thesis_lib.jenga.play.players import LEARNS_AS, policy_of, setup_of
 from thesis_lib.jenga.play.settings import Chapter5
 from thesis_lib.jenga.robot.samples import read_samples
 
@@ -22,6 +22,6 @@ else:
     learns = LEARNS_AS.get(wildcards.policy, wildcards.policy)
     rng = generator(params.seed, "ch5_game", learns, wildcards.size, *source)
     policy = policy_of(wildcards.policy, read_samples(source[0]) if source else None, size, settings, rng)
-game = play(tower, policy, settings.setup, params.seed, blocks=params.blocks)
+game = play(tower, policy, setup_of(wildcards.policy, settings), params.seed, blocks=params.blocks)
 write_game(game, snakemake.output[0])
 print(f"{wildcards.policy} on tower {tower}: {game.end}, {len(game.attempts)} blocks tried")

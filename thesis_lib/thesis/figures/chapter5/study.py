@@ -17,6 +17,7 @@ PUBLISHED_MOVABLE, TOLERANCE = 0.47, 0.04  # thesis; our choice of what counts a
 POLICY_STYLE = {
     "hma": (RED, "-", "o", "HMA"),
     "hma_without_cost": (YELLOW, (0, (4, 1.5)), "D", "HMA without “no move” cost"),
+    "hma_erring": (RED, (0, (1, 1)), "v", "HMA, erring hand"),
     "hma_one_shot": (SKY, (0, (4, 1, 1, 1)), "P", "HMA in one shot"),
     "mor": (BLUE, (0, (5, 1.5)), "s", "MOR"),
     "mor_with_cost": (BLUE, (0, (1, 1)), "X", "MOR with “no move” cost"),
@@ -26,6 +27,7 @@ POLICY_STYLE = {
     "oracle": (INK, "-", "", "oracle"),
     "rule": ("0.35", (0, (6, 2)), "", "rule"),
     "exploration": ("0.5", (0, (3, 2)), "", "exploration"),
+    "exploration_erring": ("0.5", (0, (1, 2)), "", "exploration, erring hand"),
     "always_push": ("0.6", (0, (1.5, 1.5)), "", "always push"),
 }
 COLUMNS = (48, 100, 136)  # points to the right of figure 5-6's bars; ends of its columns of text
