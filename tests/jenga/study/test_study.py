@@ -10,7 +10,7 @@ from thesis_lib.foundation.errors import UserError
 from thesis_lib.jenga.learners.settings import ExpertSettings, LearnerSettings, NetworkSettings
 from thesis_lib.jenga.play.controller import Learned
 from thesis_lib.jenga.play.game import Attempt, Game
-from thesis_lib.jenga.play.players import policy_of
+from thesis_lib.jenga.play.players import policy_of, setup_of
 from thesis_lib.jenga.play.settings import Chapter5
 from thesis_lib.jenga.study.study import games_table, needed_samples, paired, study_tables, success_table
 from thesis_lib.statistics.intervals import student_mean
@@ -31,7 +31,8 @@ def games(better: int = 2) -> list[tuple[int, Game]]:
         out = 2 + i % 4
         more = [(100, game("hma", tower, out + better)), (1000, game("mor", tower, out + better))]
         same = [(size, game(name, tower, out)) for size, name in ((100, "network"), (100, "mor"), (0, "rule"))]
-        found += [*more, *same, (0, game("exploration", tower, 1))]
+        erring = [(100, game("hma_erring", tower, out + better)), (0, game("exploration_erring", tower, 1))]
+        found += [*more, *same, *erring]
     return found
 
 
@@ -46,7 +47,7 @@ def test_pairs_see_a_difference_that_means_do_not():
 
 def test_rivals_are_compared_at_the_same_size_and_mor_at_ten_times_that():
     rows = paired(games_table(games()))
-    others = {("network", 100), ("mor", 100), ("mor", 1000), ("rule", 0), ("exploration", 0)}
+    others = {("network", 100), ("mor", 100), ("mor", 1000), ("rule", 0), ("hma_erring", 100), ("exploration_erring", 0)}
     assert set(zip(rows["rival"], rows["rival_size"])) == others
 
 
@@ -68,7 +69,7 @@ def test_a_refused_game_is_counted_and_no_score():
 
 def test_successes_count_attempts_of_each_action_and_hold_the_published_ones():
     attempts = study_tables(games(), 100)["attempts"]
-    assert len(attempts) == 36 * 10 and {"policy", "size", "tower", "block"} <= set(attempts)
+    assert len(attempts) == 42 * 10 and {"policy", "size", "tower", "block"} <= set(attempts)
     table = success_table(attempts, 100).set_index(["phase", "position", "action"])
     tried = table.loc[("learned", "all", "push")]
     assert tried["attempts"] == 60 and tried["successes"] == sum(4 + i % 4 for i in range(6))
@@ -82,8 +83,9 @@ def test_successes_count_attempts_of_each_action_and_hold_the_published_ones():
 def test_policies_by_name():
     samples, _ = make_samples(120, np.random.default_rng(0))
     rng = np.random.default_rng(1)
-    for name in ("rule", "always_push", "exploration", "oracle"):
+    for name in ("rule", "always_push", "exploration", "exploration_erring", "oracle"):
         assert policy_of(name, None, 0, Chapter5(), rng).name == name
+        assert (setup_of(name, Chapter5()).robot.grasp_error > 0.0) == name.endswith("_erring")
     quick = Chapter5(learner=LearnerSettings(network=NetworkSettings(iterations=50), experts=ExpertSettings(most=2)))
     changed = replace(samples, next_state=samples.next_state + (np.arange(120) >= 100)[:, None])  # not learned from
     names = ["mor", "network", "hma_without_cost", "mor_with_cost", "network_with_cost"]
