@@ -47,7 +47,14 @@ def test_pairs_see_a_difference_that_means_do_not():
 
 def test_rivals_are_compared_at_the_same_size_and_mor_at_ten_times_that():
     rows = paired(games_table(games()))
-    others = {("network", 100), ("mor", 100), ("mor", 1000), ("rule", 0), ("hma_erring", 100), ("exploration_erring", 0)}
+    others = {
+        ("network", 100),
+        ("mor", 100),
+        ("mor", 1000),
+        ("rule", 0),
+        ("hma_erring", 100),
+        ("exploration_erring", 0),
+    }
     assert set(zip(rows["rival"], rows["rival_size"])) == others
 
 
