@@ -105,7 +105,7 @@ class ControllerSettings(Section):
     no_move: float = Field(1.0, ge=0, description="weight of the growth of p(no move); 0 for the ablation")
     effort: float = Field(0.1, ge=0, description="weight of (offset/largest)² + (heading/largest)²: no idle steering")
     change: float = Field(0.01, ge=0, description="cost of lifting the finger to touch elsewhere")
-    probe: int = Field(2, ge=0, description="pushes before a block may be given up: the first poses are the noisiest")
+    probe: int = Field(5, ge=0, description="pushes before a block may be given up: two, and up to 3 mm to the block")
     give_up: float = Field(1.0, gt=0, description="cost of retracting: what giving up a block is worth")
 
 
