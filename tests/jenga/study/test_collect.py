@@ -31,15 +31,15 @@ def test_a_tower_gives_the_same_samples_again(collected):
 
 
 @pytest.mark.slow
-def test_a_limit_of_force_ends_pushes_and_none_changes_nothing(collected):
-    no_limit = collected[0]
+def test_a_limit_of_force_ends_pushes_and_none_changes_nothing():
+    no_limit, without = explore_tower(SEED, 10, REDUCED, limit=25, label=False)
     limited = Setup(collect=CollectSettings(reduced=True, force_limit=0.5))
-    samples, table = explore_tower(SEED, 7, limited, limit=15)
+    samples, table = explore_tower(SEED, 10, limited, limit=25, label=False)
     last = np.append(np.diff(samples.push) != 0, True)
     assert (samples.next_state[~last, F_N] <= 0.5).all()
     ended = table["reason"] == "force"
     assert ended.any() and (no_limit.next_state[:, F_N] > 0.5).any()
-    assert "force" not in set(collected[1]["reason"])
+    assert "force" not in set(without["reason"])
     same = int(table["steps"].to_numpy()[: int(np.argmax(ended))].sum())  # until the first push that it ends
     pd.testing.assert_frame_equal(as_table(samples.first(same)), as_table(no_limit.first(same)))
 

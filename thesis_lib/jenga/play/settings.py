@@ -181,7 +181,7 @@ class ShowcaseChoice(Section):
     nuts: NutsSettings = NutsSettings()
     steered_blocks: int = Field(3, ge=1, description="free blocks of the tower of figure 5-9")
     edge: float = Field(8.0, gt=0, le=12.5, description="mm off the centre, contact of the disturbing pushes")
-    disturbed: int = Field(8, ge=1, description="steps pushed there before the controller takes over")
+    disturbed: int = Field(11, ge=1, description="steps pushed there first, up to 3 of them to the block")
     # figure 5-9's controller: as in the games, but straying costs 16 times as much, and it never gives up
     steering: ControllerSettings = ControllerSettings(stray=3.0, effort=0.01, give_up=1e6)
 
