@@ -75,6 +75,23 @@ def test_contact_is_made_again_as_pressed_before_the_state_is_read():
     assert (tower.matrix(STUCK_BLOCK).T @ tip)[1] == pytest.approx(6e-3, abs=0.5e-3)
 
 
+def test_a_robot_that_senses_starts_off_the_block_and_feels_nothing_until_it_is_there():
+    tower = Settled.get()
+    robot = Robot(tower, SensingSettings(exact=True), np.random.default_rng(1))
+    robot.start(FREE_BLOCK, 4e-3, off=2.5e-3)
+    steps = [robot.push_step(offset, 0.0) for offset in (4e-3, -4e-3, -4e-3, -4e-3, -4e-3)]
+    states = np.array([after for _, after in steps])
+    assert (states[:2, [F_N, X]] < 0.01).all()  # it moved aside after the first, without coming nearer
+    assert np.allclose(states[:, ADVANCE], np.arange(1, 6))
+    assert states[-1, X] == pytest.approx(2.5, abs=0.3) and states[-1, F_N] > 0.02
+    low, high = 1e-3, 3e-3
+    robot.settings, gaps = robot.settings.model_copy(update={"start_off": (low, high)}), []
+    for _ in range(20):
+        robot.start(FREE_BLOCK)
+        gaps.append((robot._tip_place(0.0) - robot.arm) @ robot.u)
+    assert low <= min(gaps) < max(gaps) <= high and np.std(gaps) > 0.2 * (high - low)
+
+
 def test_noise_is_as_declared_and_falls_with_the_advance():
     settings = SensingSettings()
     rng = np.random.default_rng(1)

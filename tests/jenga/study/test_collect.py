@@ -72,6 +72,14 @@ def test_samples_without_the_hidden_label_are_otherwise_the_same(collected):
     assert set(table["truth"]) == {UNKNOWN}
 
 
+def test_a_push_that_misses_feels_nothing_and_has_no_label():
+    always = Setup(collect=CollectSettings(reduced=True, miss=1.0))
+    samples, table = explore_tower(SEED, 7, always, limit=6)
+    assert set(samples.truth) == set(table["truth"]) == {UNKNOWN}
+    assert np.abs(samples.next_state[:, F_N]).max() < 5 * always.sensing.force
+    assert np.abs(samples.next_state[:, 0]).max() < 5e3 * always.sensing.pose_first
+
+
 @pytest.mark.slow
 def test_the_whole_tower_is_played_on():
     samples, table = explore_tower(SEED, 7, limit=6)

@@ -52,7 +52,7 @@ def test_numbers_of_figure_5_7_find_a_planted_relation():
 
 def test_agreement_and_looks_have_a_row_per_set_and_the_mean(learned, held):
     learners = {(300, 0): learned, (300, 1): learned}
-    table = agreements(learners, held, np.random.default_rng(3))
+    table = agreements(learners, held, SETUP, np.random.default_rng(3))
     assert sorted(table["set"]) == [-1, 0, 1]
     mean = table.set_index("set").loc[-1]
     assert mean["balanced_accuracy"] == pytest.approx(table["balanced_accuracy"].iloc[0])

@@ -86,8 +86,10 @@ def infer_first_steps(learner: Learner, samples: PushSamples, steps: int = FIRST
     return rows[:, 0], belief
 
 
-def agreement(learner: Hma, samples: PushSamples, rng: np.random.Generator) -> dict[str, float | int]:
-    """How well the first `FIRST` samples of a push tell stuck from free.
+def agreement(
+    learner: Hma, samples: PushSamples, rng: np.random.Generator, steps: int = FIRST
+) -> dict[str, float | int]:
+    """How well the first `steps` samples of a push tell stuck from free.
 
     balanced_accuracy with low and high (95 %), rand_index, n_stuck, n_free (pushes).  UserError if no push of known
     truth is long enough, or all have the same truth.
@@ -95,7 +97,7 @@ def agreement(learner: Hma, samples: PushSamples, rng: np.random.Generator) -> d
     from sklearn.metrics import adjusted_rand_score
 
     known = samples.select(samples.truth != UNKNOWN)
-    rows, belief = infer_first_steps(learner, known)
+    rows, belief = infer_first_steps(learner, known, steps)
     truth = known.truth[rows]
     called = belief[:, stuck_group(learner)].sum(axis=1) > 0.5
     right = {kind: (called == (kind == STUCK))[truth == kind].astype(float) for kind in (FREE, STUCK)}

@@ -8,7 +8,7 @@ oracle.
 The oracle simulates each push on the tower before making it: an upper bound for the other policies.  For each block a
 straight push to the goal and the extraction are simulated, and the tower is restored.  The push is made only if no
 damage was done.  The oracle judges each block alone, whatever the tower is worth afterwards, so it bounds policies that
-push straight and decide block by block.  Simulated and real push agree to the last bit.
+push straight and decide block by block.  Simulated and real push agree to the last bit where pushes start in contact.
 """
 
 from collections.abc import Sequence

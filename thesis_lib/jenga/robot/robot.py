@@ -6,6 +6,9 @@ layer's long axis, v = z × u.  An action is a contact location on the end face 
 1 mm (cos φ u + sin φ v).  To change the contact location the finger lifts, moves and presses again to the same
 deflection BEFORE the state s_t is read: no model could predict the force across a re-contact.
 
+A push starts in contact, or `start_off` the block if the robot senses: then it first feels no block (thesis, figure
+5-8), and moves aside without coming nearer until it has met it.
+
 The thesis contradicts itself: pushes of at most 45 mm are 0.6 of the block, but extraction is required beyond 3/4 (56
 mm).  Here the gripper takes over at `goal` = 33 mm: at 45 mm the centre of mass lies beyond the support (37.5 mm).
 config/chapter5_switches has the other reading, 56 mm with longer pushes, and the thesis's states without noise.
@@ -74,10 +77,11 @@ class Robot:
         self._wrench = np.zeros(6)
         self._seen: np.ndarray | None = None
 
-    def start(self, block: int, offset: float = 0.0) -> np.ndarray:
-        """Bring the finger to a block's end face and touch it; the first reading, (7,).
+    def start(self, block: int, offset: float = 0.0, off: float | None = None) -> np.ndarray:
+        """Bring the finger to a block's end face, at `offset` (m) across it; the first reading, (7,).
 
-        UserError if the block cannot be reached, TowerError if the simulation breaks down.
+        off: m off the block, by default as `start_off` says.  UserError if the block cannot be reached, TowerError if
+        the simulation breaks down.
         """
         if block not in REACHABLE:
             raise UserError(
@@ -88,15 +92,17 @@ class Robot:
         self.start_position, self.start_yaw = self.tower.position(block), self._yaw()
         self.start_poses = self.tower.poses()
         self.force, self.steps = np.zeros(3), 0
-        point = self._tip_place(offset) - GAP * self.u
+        if off is None and self.rng is not None and self.settings.start_off[1] > 0.0:
+            off = self.rng.uniform(*self.settings.start_off)
+        point = self._tip_place(offset) - (GAP if off is None else off) * self.u
         self.tower.set_joints(TIP, point)
         mujoco.mj_forward(self.tower.model, self.tower.data)
-        self.arm = point
-        for _ in range(round(3.0 * GAP / APPROACH)):
+        self.arm, self._met = point, False
+        for _ in range(round(3.0 * GAP / APPROACH) if off is None else 0):
             self._move(self.arm + APPROACH * self.u, 0.02)
-            if self.force @ self.u > 0.0:
+            if self._met:
                 break
-        self.first_contact = self.arm.copy()
+        self.start_of_push = self.arm.copy()
         return self._look()
 
     def touch(self, offset: float) -> np.ndarray:
@@ -111,6 +117,9 @@ class Robot:
         pressed = self._pressed()
         # found before lifting: a block that springs back is pressed to where it was
         wanted = self._tip_place(offset)
+        if not self._met:
+            self._move(wanted - ((wanted - self.arm) @ self.u) * self.u, LIFT_TIME)
+            return self._look()
         self._move(self.arm - (pressed + self.settings.clearance) * self.u, LIFT_TIME)
         self._move(wanted - self.settings.clearance * self.u, LIFT_TIME)
         self._move(wanted + pressed * self.u, LIFT_TIME)
@@ -144,7 +153,7 @@ class Robot:
         yaw = self._yaw() - self.start_yaw
         tower, _ = self.tower.perturbation(self.block, since=self.start_poses)
         pose = MM * (moved @ self.u), MM * (moved @ self.v), RADIUS_OF_GYRATION * np.arctan2(np.sin(yaw), np.cos(yaw))
-        advance = float((self.arm - self.first_contact) @ self.u)  # of the arm since first contact
+        advance = float((self.arm - self.start_of_push) @ self.u)
         return np.array([*pose, self.force @ self.u, self.force @ self.v, MM * advance, MM * tower])
 
     def reached_goal(self) -> bool:
@@ -181,6 +190,7 @@ class Robot:
             if step >= ramp:
                 total += self._contact_force()
         self.arm, self.force = goal, total / self.settings.averaged
+        self._met = self._met or self.force @ self.u > 0.0
 
     def _contact_force(self) -> np.ndarray:
         """Force of the tip on what it touches, (3,), N."""

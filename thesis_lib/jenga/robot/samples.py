@@ -51,7 +51,7 @@ class PushSamples:
     """Samples in order of collection.
 
     push: (n,) int, id of the push.  step: (n,) int, from 0 within the push.  state, next_state: (n, 7), mm and N, see
-    `STATE`; x, y, yaw and tower are displacements since the push began, advance counts from first contact.  `state` is
+    `STATE`; x, y, yaw and tower are displacements since the push began, as is the arm's advance.  `state` is
     read before the advance, after any re-contact.  action: (n, 2), mm and rad, see `ACTION`.  context: (n, 2), layers
     above the block; 0 middle or 1 side block.  truth: (n,) int, `FREE`, `STUCK` or `UNKNOWN`.  tower, block: (n,) int,
     seed of the tower and number of the block.  UserError for arrays of unequal length or rows outside `RANGE`.

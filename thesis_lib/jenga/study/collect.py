@@ -4,9 +4,10 @@ A run on one tower tries blocks in random order until one falls, all 45 have bee
 A push ends when the robot gives up (at random, so that 100 samples hold both stuck and free blocks), sees the tower
 move too far, reads a force above the limit (if there is one), sees the block leave its way, has pushed as far as it
 may, or has the block out far enough, which is then extracted and placed.  A fall ends the run, and the sample in which
-it happens is discarded.  Each tower has its own random stream.  The hidden label of a push (`PushSamples.truth`) comes
-from a trial push just before it, which takes about as long as the push itself: samples to learn from go without it
-(`UNKNOWN`) and are otherwise the same to the last bit.
+it happens is discarded.  At times a push misses: it meets nothing, and has no hidden label.  Each tower has its own
+random stream.  The hidden label of a push (`PushSamples.truth`) comes from a trial push just before it, which takes
+about as long as the push itself: samples to learn from go without it (`UNKNOWN`) and are otherwise the same to the last
+bit.
 """
 
 from collections.abc import Sequence
@@ -41,14 +42,18 @@ class _Run:
         """Try one block; whether the run continues."""
         reduced = self.setup.collect.reduced
         tower = reduce(self.tower, block) if reduced else self.tower
-        if self.label:
+        share = self.setup.collect.miss
+        missed = share > 0.0 and self.rng.random() < share
+        if self.label and not missed:
             truth = hidden_label(tower, block, self.setup.movable)
         else:
             truth = UNKNOWN
             tower.load(tower.save())  # poses of the present state instead of the last step's, as after a trial push
         robot = Robot(tower, self.setup.sensing, self.rng)
         first, where = len(self.rows), (tower.layer[block], int(tower.is_side(block)))
-        reason = self._push(robot, block, truth, limit)
+        # a block that is not there: the finger starts further off than the longest push
+        off = 2.0 * tower.robot_settings.longest_push if missed else None
+        reason = self._push(robot, block, truth, limit, off)
         fell = reason in ("dropped", "tower toppled")
         if not fell:
             robot.retract()
@@ -71,11 +76,11 @@ class _Run:
             check_standing(self.tower)
         return not fell
 
-    def _push(self, robot: Robot, block: int, truth: int, limit: int) -> str:
+    def _push(self, robot: Robot, block: int, truth: int, limit: int, off: float | None) -> str:
         """Push until there is a reason to stop, and return it."""
         settings, push = self.setup.collect, len(self.attempts)
         offset, heading = explored(settings, self.rng)
-        robot.start(block, offset)
+        robot.start(block, offset, off)
         context = robot.tower.context(block)
         for step in range(limit - len(self.rows)):
             if self.rng.random() < settings.change:
@@ -96,7 +101,7 @@ class _Run:
                 return "force"
             if max(abs(after[Y]), abs(after[YAW])) > MM * settings.stray_limit:
                 return "left its way"
-            if self.rng.random() < settings.retract:
+            if step + 1 >= settings.fewest and self.rng.random() < settings.retract:
                 return "gave up"
         return "enough samples"
 

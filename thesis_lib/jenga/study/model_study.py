@@ -14,7 +14,7 @@ from collections.abc import Mapping
 import numpy as np
 import pandas as pd
 
-from thesis_lib.jenga.learners.abstractions import abstraction_table, agreement, stuck_group
+from thesis_lib.jenga.learners.abstractions import FIRST, abstraction_table, agreement, stuck_group
 from thesis_lib.jenga.learners.hma import Hma
 from thesis_lib.jenga.learners.learner import Learner, along_pushes, push_groups
 from thesis_lib.jenga.robot.samples import F_N, F_T, MM, STUCK, PushSamples
@@ -113,16 +113,20 @@ def of_one(looks: pd.DataFrame) -> pd.DataFrame:
     return looks[(looks["size"] == looks["size"].max()) & (looks["set"] == looks["set"].min())]
 
 
-def agreements(learners: Mapping[tuple[int, int], Hma], samples: PushSamples, rng: np.random.Generator) -> pd.DataFrame:
-    """Stuck or free after the first steps, learned without truth: a row per (size, set), and the mean per size.
+def agreements(
+    learners: Mapping[tuple[int, int], Hma], samples: PushSamples, setup: Setup, rng: np.random.Generator
+) -> pd.DataFrame:
+    """Stuck or free after the first steps at the block, learned without truth: a row per (size, set), and the mean per
+    size.
 
     Columns size, set (-1 for the mean), balanced_accuracy, low, high (bootstrap over pushes; for the mean: lowest and
     highest set), rand_index, n_stuck, n_free, n_abstractions, n_stuck_abstractions.
     """
-    rows = []
+    rows, robot = [], setup.robot
+    steps = FIRST + int(np.ceil(robot.start_off[1] / robot.step))
     for (size, number), learner in learners.items():
         counts = {"n_abstractions": learner.n_abstractions, "n_stuck_abstractions": int(stuck_group(learner).sum())}
-        rows.append({"size": size, "set": number} | agreement(learner, samples, rng) | counts)
+        rows.append({"size": size, "set": number} | agreement(learner, samples, rng, steps) | counts)
     table = pd.DataFrame(rows)
     means = table.groupby("size", as_index=False).mean(numeric_only=True).assign(set=-1)
     ends = table.groupby("size")["balanced_accuracy"]

@@ -23,7 +23,7 @@ sets, held_out = [read_samples(path) for path in source.sets], read_samples(sour
 learners = fitted(sets, settings, generator(params.seed, "ch5_model", "fit"))
 shown, largest = learners[max(learners)], max(learners)[0]
 tables = {
-    "agreement": study.agreements(learners, held_out, generator(params.seed, "ch5_model", "agreement")),
+    "agreement": study.agreements(learners, held_out, settings.setup, generator(params.seed, "ch5_model", "agreement")),
     "abstractions": study.looks(learners, held_out),
     "cone": study.cone_table(shown, held_out, settings.setup),
     "height": study.height_table(shown, held_out, settings.setup),
