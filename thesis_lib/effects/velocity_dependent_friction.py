@@ -3,8 +3,9 @@
     μ(v_t) = μ (1 + s exp(−(v_t / v_s)²)),   along the path of the impact: dc_t = −μ(v_t) sign(v_t) dp while it slips
 
 μ is that of fast slip.  The slip changes during the impact, and with it its friction; a contact sticks
-as long as μ (1 + s) bears it.  s > 0 is the Stribeck curve of dry and lubricated metals, s < 0 friction that rises with
-speed (polymers); with v_s above all speeds both are a parabola in the speed.
+as long as μ (1 + s) bears it.  A body that slides on the surface has the friction of its slip, too.  s > 0 is the
+Stribeck curve of dry and lubricated metals, s < 0 friction that rises with speed (polymers); with v_s above all speeds
+both are a parabola in the speed.
 
 | on paper | in code | unit | shape |                                                     |
 |----------|---------|------|-------|-----------------------------------------------------|
@@ -44,6 +45,10 @@ class VelocityDependentFriction(Effect):
             return 1.0 + s * np.exp(-((v_t / v_s) ** 2))
 
         return added(impulse, walk(contact, factor), contact.mu * (1.0 + np.maximum(s, 0.0)))
+
+    def sliding(self, mu, contact, state, p, rig):
+        slip = np.linalg.norm(contact.v[:-1], axis=0)
+        return mu * (1.0 + p["s"] * np.exp(-((slip / p["v_s"]) ** 2)))
 
 
 EFFECT = VelocityDependentFriction()

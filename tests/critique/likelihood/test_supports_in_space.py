@@ -91,6 +91,12 @@ def test_a_body_that_slides_shows_the_friction_that_supports_it(rng):
     assert robust_std(whitened(slides, bound())).min() > 5.0
     right = whitened(slides, bound("sliding_friction", **{"sliding_friction.mu_s": SLIDES}))
     np.testing.assert_allclose(robust_std(right), 1.0, atol=0.35)
+    slip = np.hypot(*slides.state.velocity[:2]).mean()  # friction that falls with the slip is that of this one
+    s = (SLIDES / MU - 1.0) * np.exp((slip / 3.0) ** 2)
+    stribeck = bound(
+        "velocity_dependent_friction", **{f"velocity_dependent_friction.{k}": v for k, v in (("s", s), ("v_s", 3.0))}
+    )
+    np.testing.assert_allclose(robust_std(whitened(slides, stribeck)), 1.0, atol=0.35)
     again = drawn(slides, bound(), rng)
     np.testing.assert_allclose(robust_std(whitened(again, bound())), 1.0, atol=0.35)
 
