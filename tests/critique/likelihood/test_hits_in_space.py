@@ -39,14 +39,18 @@ SEEN = {  # tracked frame and camera's axes
 }
 
 
-@pytest.fixture(scope="module", params=SEEN.values(), ids=SEEN)
-def tossed(request):
-    noise = {"position": 2e-4, "rotation": 3e-3}
-    content = {"schema": 2, "body": BODY, "rate": 240.0, "noise": noise} | request.param
+def tosses_of(body, **seen):
+    """The dataset of 40 tosses, and what was simulated."""
+    content = {"schema": 2, "body": body, "rate": 240.0, "noise": {"position": 2e-4, "rotation": 3e-3}} | seen
     header = SpaceHeader.model_validate(content)
     (frame,) = surface_frames(header)
     made = simulate_tosses(header, frame, 40, np.random.default_rng(3))
-    dataset = dataset_of(content, trajectories=made.trajectories)
+    return dataset_of(content, trajectories=made.trajectories), made, frame
+
+
+@pytest.fixture(scope="module", params=SEEN.values(), ids=SEEN)
+def tossed(request):
+    dataset, made, frame = tosses_of(BODY, **request.param)
     found = observe_in_space(dataset, episodes=False)
     true = made.hits
     rows, alone = [], []
@@ -222,10 +226,11 @@ def test_round_corners_are_no_contacts_that_last(tau):
     assert contact_guard(sunk, speed, shape) == pytest.approx(1.5 * tau, abs=2e-4)
 
 
-def test_a_body_that_leaves_the_surface_late_has_hit_more_than_once(tossed, monkeypatch):
+@pytest.mark.parametrize("shape", [BODY["shape"], {"kind": "ellipsoid", "semi_axes": [0.06, 0.05, 0.03]}])
+def test_a_body_that_leaves_the_surface_late_has_hit_more_than_once(shape, monkeypatch):
     seen = []
     monkeypatch.setattr(episodes, "_hits_twice", lambda *args: seen.append(args) or _HITS_TWICE(*args))
-    observe_in_space(tossed.dataset)
+    observe_in_space(tosses_of({**BODY, "shape": shape})[0])
     ((poses, alone),) = seen
     several, t = _HITS_TWICE(poses, alone), poses.samples.t.copy()
     late = np.flatnonzero(~several)[::8]

@@ -11,7 +11,6 @@ import pandas as pd
 from scipy.stats import theilslopes
 
 from thesis_lib.bodies.minkowski import MinkowskiSum
-from thesis_lib.critique.contacts.pressing import contact_points
 from thesis_lib.critique.likelihood.in_space.clear_flights import Poses, jump_across, state_under_gravity
 from thesis_lib.critique.likelihood.observations import LATE, LONGEST_WAIT, Observations, with_episodes
 from thesis_lib.datasets.impacts.episodes import groups_of_hits
@@ -101,10 +100,7 @@ def _not_single(poses: Poses, hits: pd.DataFrame, beside: pd.DataFrame) -> pd.Da
 
 def _hits_twice(poses: Poses, alone: pd.DataFrame) -> np.ndarray:
     """Mask (n,) of what looks like single hits, and may be hits of two corners."""
-    rig = poses.rig
-    if contact_points(rig) == 1 or not len(alone):
-        return np.zeros(len(alone), bool)
-    corners, t, rate = [], [], []
+    rig, corners, t, rate = poses.rig, [], [], []
     several = np.zeros(len(alone), bool)
     known = ~several
     for side, way in (("pre", -1), ("post", 1)):
