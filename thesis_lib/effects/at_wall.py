@@ -117,6 +117,9 @@ class AtWall(Effect):
         pairs = ((there.c_t, impulse.c_t), (there.c_n, impulse.c_n), (there.couple, impulse.couple))
         return Impulse.planar(*(np.where(here, a, b) for a, b in pairs))
 
+    def sliding(self, mu, contact, state, p, rig):
+        return np.where(self._here(state, rig), self.of.sliding(mu, contact, state, p, rig), mu)
+
     def contact_time(self, tau, contact, state, p, rig):
         return np.where(self._here(state, rig), self.of.contact_time(tau, contact, state, p, rig), tau)
 
