@@ -233,6 +233,7 @@ def test_a_body_that_leaves_the_surface_late_has_hit_more_than_once(shape, monke
     observe_in_space(tosses_of({**BODY, "shape": shape})[0])
     ((poses, alone),) = seen
     several, t = _HITS_TWICE(poses, alone), poses.samples.t.copy()
+    assert not len(_HITS_TWICE(poses, alone[:0]))  # where every hit follows another one too soon
     late = np.flatnonzero(~several)[::8]
     for row, count in alone.loc[late, ["row_post", "n_post"]].to_numpy():
         t[row : row + count] += 4e-3  # s; the same corner touched last

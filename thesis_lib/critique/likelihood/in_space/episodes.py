@@ -99,9 +99,11 @@ def _not_single(poses: Poses, hits: pd.DataFrame, beside: pd.DataFrame) -> pd.Da
 
 
 def _hits_twice(poses: Poses, alone: pd.DataFrame) -> np.ndarray:
-    """Mask (n,) of what looks like single hits, and may be hits of two corners."""
+    """Mask (n,) of what looks like single hits, and may be several."""
     rig, corners, t, rate = poses.rig, [], [], []
     several = np.zeros(len(alone), bool)
+    if not len(alone):
+        return several
     known = ~several
     for side, way in (("pre", -1), ("post", 1)):
         row, count = (alone[f"{name}_{side}"].to_numpy() for name in ("row", "n"))
@@ -117,7 +119,7 @@ def _hits_twice(poses: Poses, alone: pd.DataFrame) -> np.ndarray:
     known = known[rows]
     if known.sum() > max(FEWEST, 0.5 * len(rows)):
         # a body that is believed too large or too high seems to touch for longer, the slower it is
-        lasts, slowness = (t[1] - t[0])[rows], (1.0 / rate[0] + 1.0 / rate[1])[rows]
+        lasts, slowness = (t[1] - t[0])[rows], 1.0 / rate[0][rows] + 1.0 / rate[1][rows]
         slope, middle, *_ = theilslopes(lasts[known], slowness[known])
         longer = lasts - middle - slope * slowness
         several[rows] = longer > OUTLASTS * robust_std(longer[known])
