@@ -10,7 +10,10 @@ from thesis_lib.critique.drops.world import Drops
 from thesis_lib.critique.likelihood.in_space.hits import observe_in_space
 from thesis_lib.datasets.format.frames import body_states, tracked_states
 from thesis_lib.effects import EFFECTS
+from thesis_lib.effects.effect import Reference, parameters_in
+from thesis_lib.extensions.effect_probe import BOX, tumbling_boxes
 from thesis_lib.foundation.randomness import generator
+from thesis_lib.mechanics.space import SPACE
 from thesis_lib.simulate.tosses.causes import CORNERED, NOT_IN_MUJOCO, RANGES, RANGES_OF_MORE
 from thesis_lib.simulate.tosses.drawn import NOTHING, NOTHING_HIDDEN, OF_EACH_CAUSE, SpaceCase, cases, make
 from thesis_lib.simulate.tosses.drawn_in_worlds import MISSING_IN, SHAPES_IN, worlds_cases
@@ -18,6 +21,7 @@ from thesis_lib.simulate.tosses.lifted import lifted
 from thesis_lib.studies.proof import space
 from thesis_lib.studies.proof.cases import Case
 from thesis_lib.studies.proof.cases import make as make_in_plane
+from thesis_lib.studies.proof.sizes import SLOPES, as_fitted
 from thesis_lib.studies.proof.space import engine_of, write_list
 
 
@@ -122,6 +126,34 @@ def test_the_table_counts_what_is_right_first_and_wrong(tmp_path):
         and "no flight |" in page
     )
     assert "1 of 2 (" in page and "10 of 80 datasets: 10 by `abc`" in page and "magnus + com_offset" in page
+
+
+@pytest.mark.parametrize("name", sorted(SLOPES))
+def test_a_slope_that_counts_from_the_table_is_the_same_property_counted_from_the_reference(name):
+    states, here = tumbling_boxes(8, generator(3, "slopes")), BOX
+    states = states.changed(0.1 * states.position)  # where no property reaches its limit
+    elsewhere = replace(here, reference=Reference(x=0.05, y=0.08))
+    effect = EFFECTS[name]
+    first, second = (f"{name}.{p.name}" for p in parameters_in(effect, SPACE))
+    hidden = {first: 1.2, second: 0.7, "other.size": 2.0}
+    true = as_fitted([effect], hidden, elsewhere)
+    assert true["other.size"] == 2.0
+
+    def of(sizes, rig, states):
+        p = {p.name: np.full(len(states), sizes[f"{name}.{p.name}"]) for p in parameters_in(effect, SPACE)}
+        if "time" in name:
+            return effect.contact_time(1.0, None, states, p, rig)
+        return effect.coefficients(0.4, 0.4, None, states, p, rig)["restitution" in name]
+
+    ratio = of(hidden, here, states) / of(true, elsewhere, states)
+    np.testing.assert_allclose(ratio, ratio[0], rtol=1e-12)
+    assert abs(ratio[0] - 1.0) > 0.01
+
+
+def test_a_turn_about_the_normal_of_the_table_is_no_size():
+    effect = EFFECTS["camera_pose"]
+    true = as_fitted([effect], {"camera_pose.b_x": 0.01, "camera_pose.b_y": 0.02, "camera_pose.b_z": 0.03}, BOX)
+    assert list(true.values()) == [0.01, 0.02, 0.0]
 
 
 @pytest.mark.slow

@@ -7,10 +7,12 @@ on a development seed before the first run.  `python -m thesis_lib.studies.proof
 
 import functools
 import json
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
 from thesis_lib.effects import EFFECTS
+from thesis_lib.effects.effect import Effect, Rig, parameters_in
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.foundation.files import write_text
 from thesis_lib.studies.proof.store import CONFIG
@@ -19,6 +21,9 @@ SIZES = CONFIG / "proof_sizes.json"
 # with less friction hardly any contact sticks, and some effects do not show
 MU, EPSILON = 0.3, 0.55
 LAW = "wang_mason"  # an exact path-wise law
+# effects of what changes linearly along the table by their slope times this, relative to the value at one place
+SLOPES = {"position_dependent_restitution": 1.0, "position_dependent_friction": 1.0}
+SLOPES |= {"position_dependent_contact_time": -2.0}
 
 
 def require_checkout() -> None:
@@ -63,3 +68,21 @@ def law_size(name: str, factor: float) -> dict[str, float]:
         p.name: p.discrete if p.discrete is not None else float(np.clip(p.null + factor * p.scale, p.low, p.high))
         for p in EFFECTS[name].parameters
     }
+
+
+def as_fitted(effects: Sequence[Effect], hidden: Mapping[str, float], rig: Rig) -> dict[str, float]:
+    """The hidden sizes in the numbers of the fitted effects.
+
+    A rotation that nothing shows is not fitted (`Effect.unseen`).  A property that depends on the place is what it is
+    at the point of the table, where it is hidden, and at the reference of the rig, where it is fitted: a slope s is
+    s / (1 + s·x_0) there, with s = −2 g_τ of the stiffness behind a contact time.
+    """
+    true = dict(hidden)
+    for effect in effects:
+        names = [f"{effect.name}.{p.name}" for p in parameters_in(effect, rig.space)]
+        sizes = np.array([hidden.get(name, 0.0) for name in names])
+        if effect.name in SLOPES:
+            sizes = sizes / (1.0 + SLOPES[effect.name] * sizes @ [rig.reference.x, rig.reference.y])
+        directions = effect.unseen(rig)
+        true |= zip(names, sizes - directions.T @ (directions @ sizes))
+    return true

@@ -73,6 +73,7 @@ from thesis_lib.statistics.wording import count
 from thesis_lib.studies.proof.cases import SEEDS, Case
 from thesis_lib.studies.proof.cases import make as make_in_plane
 from thesis_lib.studies.proof.results import is_exact
+from thesis_lib.studies.proof.sizes import as_fitted
 from thesis_lib.studies.proof.store import (
     COMMAND,
     CONFIG,
@@ -164,9 +165,10 @@ def compute(case: SpaceCase) -> dict[str, object]:
 
 def _sizes(critique: DropsCritique, hidden: Mapping[str, float]) -> dict[str, tuple[float, float, float]]:
     fitted = critique.discovery.fitted
+    true = as_fitted(fitted.effects, hidden, critique.observations.rig)
     # a hidden 0 is a place, which effects count from a reference of their own
     both = [name for name, size in hidden.items() if size and fitted.std.get(name, 0.0) > 0.0]
-    return {name: (hidden[name], fitted.values[name], fitted.std[name]) for name in both}
+    return {name: (true[name], fitted.values[name], fitted.std[name]) for name in both}
 
 
 def run(
