@@ -38,6 +38,7 @@ class AngleOffset(Effect):
     embedded = (("d_ry", "d_theta", -1.0),)
     channels = ("impact", "touch")
     needs_angle = True
+    turns = True
     rank = 90
     dimensions = IN_SPACE
     reference = "camera calibration"

@@ -265,6 +265,7 @@ class Effect:
         includes: names of other effects that it is at some of its parameters: it does not compete with them.
         breaks_mirror: whether it tells left from right, so that a mirrored drop has not the mirrored outcome.
         bends: whether the camera reports a parabola as another kind of curve: its map is not linear in the pose.
+        turns: whether in space a body is seen to turn freely in another way, as its inertia or its axes are others.
         even: whether what it adds to the acceleration in flight depends on angle and spin alone, and changes no spin.
         along: which of x, t and trial, in space also y, it counts from `rig.reference`.
         rank: its place among the effects that act together; see `in_order`.
@@ -293,6 +294,7 @@ class Effect:
     includes: tuple[str, ...] = ()
     breaks_mirror: bool = False
     bends: bool = False
+    turns: bool = False
     even: bool = False
     along: tuple[Coordinate, ...] = ()
     rank: int = 0

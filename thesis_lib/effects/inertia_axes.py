@@ -29,6 +29,7 @@ class InertiaAxes(Effect):
     denies = "inertia"
     needs_angle = True
     rank = 1
+    turns = True
     dimensions = ONLY_SPACE
     reference = "Goldstein, Classical Mechanics, chapter 5"
 

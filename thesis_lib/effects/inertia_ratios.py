@@ -28,6 +28,7 @@ class InertiaRatios(Effect):
     channels = ("impact", "flight")
     denies = "inertia"
     needs_angle = True
+    turns = True
     dimensions = ONLY_SPACE
     reference = "Goldstein, Classical Mechanics, chapter 5"
 

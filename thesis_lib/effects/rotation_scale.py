@@ -26,6 +26,7 @@ class RotationScale(Effect):
     channels = ("impact", "touch", "flight")
     needs_angle = True
     needs_history = True
+    turns = True
     rank = 65
     dimensions = ONLY_SPACE
     reference = "Titterton and Weston 2004, Strapdown Inertial Navigation Technology (scale factor of a gyroscope)"

@@ -150,7 +150,9 @@ def test_the_error_of_a_hit_counts_the_spin_by_the_inertia_where_the_body_lies(o
     np.testing.assert_allclose(observed.norm(dv)[1], observed.norm(dv[1]))
 
 
-@pytest.mark.parametrize("effect", ["com_offset", "quadratic_drag", "time_lag", "wrong_gravity"])
+@pytest.mark.parametrize(
+    "effect", ["com_offset", "quadratic_drag", "time_lag", "wrong_gravity", "inertia_ratios", "angle_offset"]
+)
 def test_lines_in_space_lead_to_the_states_and_back(observed, effect):
     model = Model(LAWS["anitescu_potra_newton"], (EFFECTS[effect],), space=observed.space)
     values = TRUTH | {f"{effect}.{p.name}": p.null + p.scale for p in model.parameters_of(EFFECTS[effect])}

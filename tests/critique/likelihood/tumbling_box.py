@@ -25,10 +25,18 @@ FALL = np.array([[0.0], [0.0], [-GRAVITY]])
 
 
 def corner_hits(
-    n: int, rng: np.random.Generator, c=(0.0, 0.0, 0.0), d_I: float = 0.0, law: str = "anitescu_potra_newton"
+    n: int,
+    rng: np.random.Generator,
+    c=(0.0, 0.0, 0.0),
+    d_I: float = 0.0,
+    law: str = "anitescu_potra_newton",
+    a=(0.0, 0.0),
 ) -> Observations:
-    """Hits of a box whose centre of mass is at c (m) and whose inertia is 1 + d_I times the believed one."""
-    inertia = (1.0 + d_I) * G
+    """Hits of a box whose centre of mass is at c (m) and whose inertia is 1 + d_I times the believed one.
+
+    About y and z it is 1 + a times as large, again.
+    """
+    inertia = (1.0 + d_I) * G * np.array([1.0, 1.0 + a[0], 1.0 + a[1]])
     attitude = of_rotation_vector(rng.standard_normal((3, 4 * n)) * 2.0)
     C, lowest = SPACE.turned(attitude, np.array(c)[:, None]), BOX.lowest(attitude)
     r = lowest - C

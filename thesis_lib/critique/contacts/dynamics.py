@@ -37,6 +37,7 @@ from thesis_lib.mechanics.state import State
 _H = 1e-3  # s, for the derivative of a linear map: exact for any step
 _H_PATH = 0.02  # s, for the change of the acceleration over a tenth of a second
 _H_BENT = 1e-4  # s, for one that bends parabolas: off by 1e-6 of ω² at 30 rad/s
+_AROUND = np.array([-1e-4, 0.0, 1e-4])  # s, for the velocity along an arc: as exact as that
 COURSE, OF_COURSE = leggauss(12)  # where a flight of half-length 1 is followed, and the weights of these places
 _ROUNDS = 6  # of the course of a flight, the first by gravity alone: 5e-4 rad at 19 rad/s, drag of 0.5/s, 0.15 s
 _ONCE, _TWICE = (  # integrals from the middle of polynomials that are known at `COURSE`
@@ -378,13 +379,8 @@ class Dynamics:
         The flight is true to third order in τ: its acceleration changes with the velocity.
         """
         true = self.to_true(measured)
-        falls = not self.model.has_varying_flight and not true.space.is_plane  # by gravity alone, which `along` knows
-        a = None if falls else self.true_acceleration(true)
-        beyond = self._true_arc(tau, true)
-        if a is not None and self.model.has_varying_flight:
-            early, late = (self.true_acceleration(true.with_velocity(true.v + h * a)) for h in (-_H_PATH, _H_PATH))
-            cubic = tau[..., None] ** 3 / 6.0 * (late - early)[:, None] / (2.0 * _H_PATH)
-            beyond = cubic if beyond is None else beyond + cubic
+        a = self._pull(true)
+        beyond = self._beyond(tau, true, a)
         n, W = tau.shape  # the states (W n,) are those of all bodies at their first time, then at their second, ...
         if a is None or not true.space.is_plane:
             at = self.along(true, tau.T, a)
@@ -394,6 +390,30 @@ class Dynamics:
             at = at.with_pose(at.space.shift(at.pose, beyond.swapaxes(0, 1).reshape(n * W, -1).T))
         poses = self.tiled(W, n).to_measured(at).pose.reshape(-1, W, n)
         return np.ascontiguousarray(poses.transpose(2, 1, 0))
+
+    def later(self, tau: np.ndarray, measured: State) -> State:
+        """What the camera reports in space of measured states a time τ (n,) in s later, as `path` does of poses."""
+        true = self.to_true(measured)
+        a = self._pull(true)
+        at, beyond = self.along(true, tau[None], a), self._beyond(tau[:, None] + _AROUND, true, a)
+        if beyond is not None:
+            earlier, here, later = np.moveaxis(beyond, 1, 0)
+            at = at.with_pose(at.space.shift(at.pose, here.T)).with_velocity(at.v + (later - earlier) / np.ptp(_AROUND))
+        return self.to_measured(at)
+
+    def _pull(self, true: State) -> np.ndarray | None:
+        """Acceleration (n, d + turns) of true states; None in space if it is gravity alone, which `along` knows."""
+        falls = not self.model.has_varying_flight and not true.space.is_plane
+        return None if falls else self.true_acceleration(true)
+
+    def _beyond(self, tau: np.ndarray, true: State, a: np.ndarray | None) -> np.ndarray | None:
+        """Paths (n, W, d + turns) of true states less those of a constant acceleration a, at times τ (n, W) in s."""
+        beyond = self._true_arc(tau, true)
+        if a is not None and self.model.has_varying_flight:
+            early, late = (self.true_acceleration(true.with_velocity(true.v + h * a)) for h in (-_H_PATH, _H_PATH))
+            cubic = tau[..., None] ** 3 / 6.0 * (late - early)[:, None] / (2.0 * _H_PATH)
+            beyond = cubic if beyond is None else beyond + cubic
+        return beyond
 
     def along(self, true: State, tau: np.ndarray, a: np.ndarray | None = None) -> State:
         """The states in space at times τ (k, n) in s, first those of all n bodies at their first time, (k n,).

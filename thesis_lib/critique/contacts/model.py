@@ -120,9 +120,16 @@ class Model:
         return any(effect.bends for effect in self.acting("to_true", "to_measured"))
 
     @cached_property
+    def turns_otherwise(self) -> bool:
+        """Whether bodies in flight are seen to turn otherwise than the believed one turns freely; only in space."""
+        if self.space.is_plane:
+            return False
+        return any(effect.turns for effect in self.effects) or (self.camera_bends and not self.spins_evenly)
+
+    @cached_property
     def has_arc(self) -> bool:
         """Whether measured paths in flight may differ from parabolas."""
-        return bool(self.acting("arc")) or self.camera_bends
+        return bool(self.acting("arc")) or self.camera_bends or self.turns_otherwise
 
     @cached_property
     def flight_parameters(self) -> list[str]:
