@@ -38,6 +38,7 @@ _H = 1e-3  # s, for the derivative of a linear map: exact for any step
 _H_PATH = 0.02  # s, for the change of the acceleration over a tenth of a second
 _H_BENT = 1e-4  # s, for one that bends parabolas: off by 1e-6 of ω² at 30 rad/s
 _AROUND = np.array([-1e-4, 0.0, 1e-4])  # s, for the velocity along an arc: as exact as that
+EQUAL = 1e-6  # of a moment of inertia
 COURSE, OF_COURSE = leggauss(12)  # where a flight of half-length 1 is followed, and the weights of these places
 _ROUNDS = 6  # of the course of a flight, the first by gravity alone: 5e-4 rad at 19 rad/s, drag of 0.5/s, 0.15 s
 _ONCE, _TWICE = (  # integrals from the middle of polynomials that are known at `COURSE`
@@ -267,6 +268,15 @@ class Dynamics:
         for effect, p in self.active:
             G = effect.inertia(G, p)
         return replace(self.rig, tensor=np.asarray(G))
+
+    @cached_property
+    def turns_otherwise(self) -> bool:
+        """Whether a body is seen to turn otherwise than believed; with three equal moments all turn evenly."""
+        model = self.model
+        if not model.turns_otherwise or (model.camera_bends and not model.spins_evenly):
+            return model.turns_otherwise
+        G = np.asarray(self.flying.tensor).reshape(3, 3, -1)
+        return bool(np.abs(G - G[0, 0] * np.eye(3)[:, :, None]).max() > EQUAL * G[0, 0].max())
 
     def true_acceleration(self, true: State) -> np.ndarray:
         """Acceleration in flight (n, d + turns), m/s² and rad/s²."""

@@ -121,7 +121,7 @@ class Model:
 
     @cached_property
     def turns_otherwise(self) -> bool:
-        """Whether bodies in flight are seen to turn otherwise than the believed one turns freely; only in space."""
+        """Whether bodies in flight may be seen to turn otherwise than the believed one turns freely; only in space."""
         if self.space.is_plane:
             return False
         return any(effect.turns for effect in self.effects) or (self.camera_bends and not self.spins_evenly)

@@ -26,7 +26,7 @@ def state_beside(dynamics: Dynamics, o: Observations, side: int) -> State:
     if not o.arcs:
         return lines
 
-    if dynamics.model.turns_otherwise:
+    if dynamics.turns_otherwise:
         return _turned_to_impact(dynamics, o, side, lines)
     if dynamics.model.camera_bends:
         # the state whose path, seen by the camera, has this line
@@ -52,7 +52,7 @@ def lines_beside(dynamics: Dynamics, o: Observations, side: int, state: State) -
 
     The inverse of `state_beside`.
     """
-    if dynamics.model.turns_otherwise:
+    if dynamics.turns_otherwise:
         line = _lines_of_turning(dynamics, o, side, state)
         return line.q, line.v
     if dynamics.model.camera_bends:
