@@ -5,8 +5,8 @@
     contact  velocities along and across the surface there, R(−ψ) v
 
 In space it is a bowl, as curved along y as along x: h = κ |s|²/2, with s from its lowest place to the contact point,
-and the axes there are turned by the rotation vector κ (s_y, −s_x, 0).  The whole body is seen in these axes, attitude
-and spin, too.
+and the axes there are turned about (s_y, −s_x, 0) until the vertical is its normal.  The whole body is seen in these
+axes, attitude and spin, too.
 
 | on paper | in code           | unit | shape |                                                                    |
 |----------|-------------------|------|-------|--------------------------------------------------------------------|
@@ -16,8 +16,8 @@ and spin, too.
 | x_0      | `rig.reference.x` | m    |       | the place where the drops fall                                     |
 | x_c      |                   | m    | (n,)  | place of the contact point, x + (R(ψ) r)_x                         |
 
-To first order in κ r, which is a few thousandths.  The believed surface is level; one that slopes everywhere alike is
-camera_pose, with a slope.  Breaks mirror symmetry.
+In the plane to first order in κ r, which is a few thousandths.  The believed surface is level; one that slopes
+everywhere alike is camera_pose, with a slope.  Breaks mirror symmetry.
 """
 
 from dataclasses import replace
@@ -55,15 +55,15 @@ class CurvedSurface(Effect):
 
     def to_contact(self, state, p, rig):
         if not state.space.is_plane:
-            seen = state
-            for _ in range(_ROUNDS):
-                seen = _seen_from(state, -_slope(seen, p, rig)[0])
-            return seen
+            return _seen_from(state, -_under(state, p, rig)[0])
         return _turned(state, -_angle(state, p, rig)[0])
 
     def from_contact(self, state, p, rig):
         if not state.space.is_plane:
-            return _seen_from(state, _slope(state, p, rig)[0])
+            r, slope = rig.lowest(state), np.zeros((2, len(state)))
+            for _ in range(_ROUNDS):
+                slope = _slope_at(state, rotated(_turn(slope), r), p, rig)
+            return _seen_from(state, slope)
         return _turned(state, _angle(state, p, rig)[0])
 
     def contact_point(self, r, state, p, rig):
@@ -74,9 +74,9 @@ class CurvedSurface(Effect):
 
     def gap(self, gap, state, p, rig):
         if not state.space.is_plane:
-            slope, place, r = _slope(self.to_contact(state, p, rig), p, rig)
-            bowl = 0.5 * p["kappa"] * ((place - slope * r[2]) ** 2).sum(axis=0)
-            return gap + bowl + (rig.lowest(state) - r)[2] - (slope * r[:2]).sum(axis=0)
+            _, r = _under(state, p, rig)
+            place = state.position[:2] + r[:2] - _lowest(p, rig)
+            return gap + 0.5 * p["kappa"] * (place**2).sum(axis=0) + (rig.lowest(state) - r)[2]
         psi, r, believed = _angle(state, p, rig)
         x = state.x + r[0] - psi * r[1] - rig.reference.x - p["x_0"]
         return gap + 0.5 * p["kappa"] * x * x + believed[1] - r[1] - psi * r[0]
@@ -90,17 +90,35 @@ def _angle(state, p, rig):
     return p["kappa"] * (x + r[0]), r, believed
 
 
-def _slope(seen, p, rig):
-    """In space: slope (2, n) of the surface under a body in its axes there, the place (2, n) of the contact point from
-    the lowest one and that point (3, n) from the body, both in m."""
-    r = rig.lowest(seen)
-    place = seen.position[:2] + r[:2] - np.array([[rig.reference.x], [rig.reference.y]]) - vector(p, ("x_0", "y_0"))
-    return p["kappa"] * place, place, r
+def _under(state, p, rig):
+    """In space: slope (2, n) of the surface where the body touches it, and that point (3, n) from the body in m."""
+    slope = np.zeros((2, len(state)))
+    for _ in range(_ROUNDS):
+        r = rotated(_turn(slope), rig.lowest(_seen_from(state, -slope)))
+        slope = _slope_at(state, r, p, rig)
+    return slope, r
+
+
+def _slope_at(state, r, p, rig):
+    """In space: slope (2, n) of the surface under the point r (3, n) of the body, axes of the recording."""
+    return p["kappa"] * (state.position[:2] + r[:2] - _lowest(p, rig))
+
+
+def _lowest(p, rig):
+    """In space: the lowest place (2, n)."""
+    return np.array([[rig.reference.x], [rig.reference.y]]) + vector(p, ("x_0", "y_0"))
+
+
+def _turn(slope):
+    """In space: the quaternion (4, n) that turns the vertical into the normal of a surface with this slope."""
+    steep = np.sqrt((slope**2).sum(axis=0))
+    angle = np.divide(np.arctan(steep), steep, out=np.ones_like(steep), where=steep > 0.0)
+    return of_rotation_vector(angle * np.stack([slope[1], -slope[0], np.zeros(len(steep))]))
 
 
 def _seen_from(state, slope):
     """In space: the state in axes of a surface whose slope is −`slope`, with that slope turned back."""
-    turn = of_rotation_vector(np.stack([slope[1], -slope[0], np.zeros(len(state))]))
+    turn = _turn(slope)
     attitude = multiplied(turn, state.attitude)
     return state.changed(None, attitude, rotated(turn, state.velocity), rotated(turn, state.spin))
 
