@@ -17,7 +17,7 @@ from thesis_lib.mechanics.state import State
 # a line through τ³/6 on [−W, 0] has the slope 0.15 W², as for the acceleration at −0.3 W; its own slope is the velocity
 # at −0.5 W
 ARC_MEAN = 0.6
-TURNINGS = 3  # steps to a body that turns otherwise: moments wrong by 20 % at a turn by 2 rad leave 1 mrad
+TURNINGS = 3  # steps to a body that turns otherwise: moments 5 % off leave 2 mrad where it turns by 1 to 3 rad
 
 
 def state_beside(dynamics: Dynamics, o: Observations, side: int) -> State:
