@@ -398,8 +398,8 @@ class Dynamics:
             at = true.tiled(W).flown(np.tile(a, (W, 1)), tau.T.ravel())
         if beyond is not None:
             at = at.with_pose(at.space.shift(at.pose, beyond.swapaxes(0, 1).reshape(n * W, -1).T))
-        poses = self.tiled(W, n).to_measured(at).pose.reshape(-1, W, n)
-        return np.ascontiguousarray(poses.transpose(2, 1, 0))
+        poses = self.tiled(W, n).to_measured(at).pose
+        return np.ascontiguousarray(poses.reshape(len(poses), W, n).transpose(2, 1, 0))
 
     def later(self, tau: np.ndarray, measured: State) -> State:
         """What the camera reports in space of measured states a time τ (n,) in s later, as `path` does of poses."""

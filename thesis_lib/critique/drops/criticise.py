@@ -174,7 +174,7 @@ def criticise_drops(
     structure = remaining(final, training.single, rng)
     here = base.on(held_out)
     no_impact = held_out.norm(here.after.v - here.before.v)
-    irb, irb_augmented = (float(irb_errors(fitted, held_out).mean()) for fitted in (base, final))
+    irb, irb_augmented = (_mean(irb_errors(fitted, held_out)) for fitted in (base, final))
     errors = (irb, irb_augmented, float(no_impact.mean()))
     parts = (observations, training, held_out)
     return DropsCritique(
@@ -215,6 +215,11 @@ def irb_errors(fitted: Fit, observations: Observations) -> np.ndarray:
         return velocity_error(left.T, at.mobility**-0.5)
     G = np.linalg.inv(np.moveaxis(at.mobility, -1, 0))
     return np.sqrt((left[:3] ** 2).sum(axis=0) + np.einsum("in,nij,jn->n", left[3:], G, left[3:]))
+
+
+def _mean(errors: np.ndarray) -> float:
+    """NaN of none: of hits that all belong to episodes."""
+    return float(errors.mean()) if len(errors) else np.nan
 
 
 @of_the_plane(lambda: None)

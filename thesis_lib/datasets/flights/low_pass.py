@@ -13,6 +13,10 @@ T_r = r(0), by which a corner misses its tip, is the filter's time constant.  Of
 so that ω_c = 0.31/T_r holds to an eighth for all of them.  m₂ is σ² of a Gaussian filter and W²/12 of a moving average
 of width W; filters whose gain is flat to second order, as the last two, have m₂ = 0 and leave a parabola where it was.
 
+A median of neighbours cuts a tip off as well, but moves no path that rises or falls throughout, nor a parabola; and
+where gravity is believed wrongly, arcs err along it.  Both show only in the coordinate that falls: where the others
+differ from it, m₂ is theirs.
+
 A contact sinks in as a filter cannot, but rounds the corner as well: a force of half a sine of duration T does so as
 if it were h, T_r = T (1/4 − 1/(2π)) with T ≈ 2 τ.  One after the other two filters have √(T₁² + T₂²), as two Gaussian
 ones have; that of the contact is taken off.  Near its tip
@@ -73,30 +77,59 @@ class LowPass:
         return f"a low-pass filter of about {value:.2g} Hz (± {std:.1g} Hz; time constant {milliseconds})"
 
 
+@dataclass(frozen=True)
+class Corners:
+    """n impacts as corners between two arcs: the samples `at` (n,) before them, their instants `t` (n,) in s, the poses
+    `q` (n, 3) there, the velocities before and after, and whether both arcs are `long` (n,) enough."""
+
+    at: np.ndarray
+    t: np.ndarray
+    q: np.ndarray
+    v_pre: np.ndarray
+    v_post: np.ndarray
+    long: np.ndarray
+
+    @classmethod
+    def of(cls, fits: ArcFits) -> "Corners":
+        """Corners between fitted arcs."""
+        long = (fits.n_side >= ARC).all(1) & fits.converged
+        return cls(fits.at, fits.t, fits.q, fits.v_pre, fits.v_post, long)
+
+
 def low_pass_of(
-    fits: ArcFits, samples: Samples, sigma: np.ndarray, gravity: float, guard: float, interval: float, touch_time: float
+    corners: Corners,
+    samples: Samples,
+    sigma: np.ndarray,
+    gravity: float,
+    guard: float,
+    interval: float,
+    touch_time: float,
 ) -> LowPass | None:
     """The filter that rounds corners at impacts beyond what contacts of τ = `touch_time` do; None if none does.
 
-    The arcs `fits` must have left out the samples within `guard` of an impact; `sigma` (3,) is the noise of x, y, θ in
-    m, m, rad, `gravity` in m/s²; the other times are in s, `interval` that between samples.
+    The arcs beside `corners` must have left out the samples within `guard` of an impact; `sigma` (3,) is the noise of
+    the coordinates of `samples`, the second of which falls by `gravity` in m/s²; the other times are in s, `interval`
+    that between samples.
     """
-    windows = windows_around(samples, fits.at, int(np.ceil(guard / interval)) + 2)
-    tau = windows.t - (fits.t - windows.t_0)[:, None]
-    v = np.where((tau < 0.0)[..., None], fits.v_pre[:, None], fits.v_post[:, None])
+    windows = windows_around(samples, corners.at, int(np.ceil(guard / interval)) + 2)
+    tau = windows.t - (corners.t - windows.t_0)[:, None]
+    v = np.where((tau < 0.0)[..., None], corners.v_pre[:, None], corners.v_post[:, None])
     fall = np.array([0.0, -gravity, 0.0])
-    path = (fits.q - windows.q_0)[:, None] + v * tau[..., None] + 0.5 * fall * tau[..., None] ** 2
-    jump = (fits.v_post - fits.v_pre) / sigma
-    size = (jump**2).sum(1)
-    rows = (fits.n_side >= ARC).all(1) & fits.converged & (size > 0.0)
-    # r(τ): the deviation along Δv, over Δv
-    r = np.einsum("nwc,nc->nw", (windows.q - path) / sigma, jump) / np.where(size, size, 1.0)[:, None]
+    path = (corners.q - windows.q_0)[:, None] + v * tau[..., None] + 0.5 * fall * tau[..., None] ** 2
+    jump, off = (corners.v_post - corners.v_pre) / sigma, (windows.q - path) / sigma
+    r, size = _along(off, jump)
+    rows = corners.long & (size > 0.0)
     inside = windows.usable & (np.abs(tau) < guard) & rows[:, None]
     tip = inside & (np.abs(tau) < 0.5 * interval)
     if tip.sum() < FEWEST:
         return None
     above, above_std = robust_mean(r[tip] + 0.5 * np.abs(tau[tip]))
     moment, moment_std = robust_mean(2.0 * interval * np.where(inside, r, 0.0).sum(1)[rows])
+    level, size = _along(off[..., [0, 2]], jump[:, [0, 2]])
+    turned = rows & (size > 0.0) & (size >= np.median(size[rows]))
+    aside, aside_std = robust_mean(2.0 * interval * np.where(inside, level, 0.0).sum(1)[turned])
+    if abs(moment - aside) > CLEAR * np.hypot(moment_std, aside_std):
+        moment, moment_std = aside, aside_std
     resolved = above**2 - np.mean(tau[tip] ** 2) / np.pi
     if above < 0.0 or resolved < 0.0:
         return None
@@ -108,3 +141,9 @@ def low_pass_of(
     found = LowPass(constant, float(constant_std), moment, moment_std)
     # samples show no filter beyond half their rate
     return found if found.cutoff[0] < 0.5 / interval else None
+
+
+def _along(off: np.ndarray, jump: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """r(τ) (n, W), deviations `off` (n, W, c) along the change Δv `jump` (n, c) of the velocity over it, and |Δv|²."""
+    size = (jump**2).sum(1)
+    return np.einsum("nwc,nc->nw", off, jump) / np.where(size, size, 1.0)[:, None], size

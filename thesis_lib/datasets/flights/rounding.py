@@ -10,6 +10,9 @@ the impact, over the noise, averaged over those whose |τ| lies between two `EDG
 
     F = (median of (e·u)² / m_1) / (median of (‖e‖² − (e·u)²) / m_2),    m_k: median of chi² with k dof
 
+(upper quartiles in place of medians before impacts that nothing but a flight precedes: a median filter moves every
+other sample beside them)
+
 is 1 without rounding, for noise of any size and colour that all channels share.  Acceleration in flight is in the
 parabola.  F above `MATERIAL` by `CLEAR` standard errors is rounding; the guard ends one pair after the last that has
 it, because rounding does not end at once.  R grows until nothing is seen in its outer half, and the guard is at
@@ -18,9 +21,10 @@ least the last R before: a parabola that starts further away shows less.
 
 import itertools
 from dataclasses import dataclass, replace
+from typing import Literal
 
 import numpy as np
-from scipy.stats import theilslopes
+from scipy.stats import chi2, theilslopes
 
 from thesis_lib.datasets.flights.arcs import ArcFits
 from thesis_lib.datasets.flights.low_pass import LowPass
@@ -40,13 +44,14 @@ ENOUGH = 30  # flights that have such samples
 # rounding of 0.7 sigma of a sample moves the velocity of a line through 25 by a fifth of its standard error
 MATERIAL = 1.5
 CLEAR = 3.0
-_SPREADS = 3.30, 2.74  # standard errors of ln F times √n from the densities of chi² at its medians, m_2 of 1 and 2 dof
 _CONTACT = 1.5  # τ; contacts end before
 LONGEST = 5e-3  # s; a guard for longer contacts must be seen in the samples
 LEAST_SUNK, MOST_SUNK = 20, 400  # impacts that say how fast contacts let arcs sink
 SUNK_ODD = 3.0  # robust standard deviations from which on an impact has no say in the shape
 _EXACT = 1e-2  # mean square of e below which samples have no noise
-_MEDIANS = 0.4549, 1.3863  # of chi² with 1 and 2 degrees of freedom
+# Samples of a body in free flight are rounded on either side of an impact.  After one it may slide before it rolls, or
+# hit again: then both sides must show a filter, or the side before impacts that nothing but a flight precedes.
+Seen = Literal["either", "both", "before"]
 
 
 @dataclass(frozen=True)
@@ -73,7 +78,7 @@ class Rounding:
     ratio: np.ndarray
     count: np.ndarray  # (g, 2) flights
     spread: float  # standard error of ln F times the root of the count
-    both: bool  # whether both sides must be rounded: on a table a body slides after a hit before it rolls
+    seen: Seen
 
     @property
     def sides(self) -> np.ndarray:
@@ -85,8 +90,17 @@ class Rounding:
     @property
     def reach(self) -> float:
         """Time from an impact in s within which samples of either side are rounded, or of both; 0 if none are."""
-        groups = np.flatnonzero(self.sides.all(axis=1) if self.both else self.sides.any(axis=1))
+        if self.seen == "before":  # a flight that sways is rounded in places; a filter rounds from the hit on
+            few = self.count[:, 0] < ENOUGH
+            groups = np.flatnonzero(np.cumprod(few | self.sides[:, 0]) * ~few)
+        else:
+            groups = np.flatnonzero(self.sides.all(axis=1) if self.seen == "both" else self.sides.any(axis=1))
         return float(self.edges[groups[-1] + 1]) if len(groups) else 0.0
+
+    @property
+    def is_clear(self) -> bool:
+        """Whether samples are rounded anywhere."""
+        return bool(self.sides.any()) if self.seen != "before" else self.reach > 0.0
 
 
 def sampling_interval(samples: Samples) -> float:
@@ -95,20 +109,19 @@ def sampling_interval(samples: Samples) -> float:
     return float(np.median(step)) if len(step) else 1.0
 
 
-def guard_of(kinks: Kinks, samples: Samples, sigma: np.ndarray, settings: ArcSettings, both: bool = False) -> float:
+def guard_of(kinks: Kinks, samples: Samples, sigma: np.ndarray, settings: ArcSettings, seen: Seen = "either") -> float:
     """Time from an impact in s within which samples are rounded, and to the next of `EDGES`; 0 if none are.
 
-    `sigma` (3,) is the noise of x, y, θ in m, m, rad; `both`: what is rounded on one side of the impacts only is
-    not, as friction or further hits may change what happens after one.
+    `sigma` (3,) is the noise of x, y, θ in m, m, rad; `seen`: on which sides of impacts samples must be rounded.
     UserError: it reaches further than the flights are long, so that no sample is known to be free of it.
     """
     interval = sampling_interval(samples)
     widest, ends, clear = 0.0, True, False
     for reach in REACHES:
-        found = rounding_within(reach, kinks, samples, sigma, settings, interval, both)
+        found = rounding_within(reach, kinks, samples, sigma, settings, interval, seen)
         if (found.count.max(axis=1) < ENOUGH).all():
             break
-        widest, clear = max(widest, found.reach), clear or bool(found.sides.any())
+        widest, clear = max(widest, found.reach), clear or found.is_clear
         ends = found.reach <= 0.5 * reach * interval
         if not ends:
             widest = max(widest, reach * interval)
@@ -132,7 +145,7 @@ def rounding_within(
     sigma: np.ndarray,
     settings: ArcSettings,
     interval: float,
-    both: bool = False,
+    seen: Seen = "either",
 ) -> Rounding:
     """Rounding nearer to the impacts than R, `reach` sampling intervals of `interval` (s)."""
     # less what the air has made of the path
@@ -153,8 +166,9 @@ def rounding_within(
     u = kinks.dv / sigma
     u /= np.maximum(np.sqrt((u**2).sum(1)), 1e-300)[:, None]
 
-    measured = int(samples.q[:, 2].any())  # an angle that is not measured has no noise
-    median_across = _MEDIANS[measured]
+    share = 0.75 if seen == "before" else 0.5
+    dof = 1 + int(samples.q[:, 2].any())  # across Δv; an angle that is not measured has no noise
+    (usual, spread), (usual_across, spread_across) = _of_chi2(share, 1), _of_chi2(share, dof)
     edges = EDGES[reach >= EDGES] * interval
     ratio, count = np.full((len(edges) - 1, 2), np.nan), np.zeros((len(edges) - 1, 2))
     for g, (low, high) in enumerate(itertools.pairwise(edges)):
@@ -167,9 +181,16 @@ def rounding_within(
                 continue
             mean = np.einsum("nw,nwc->nc", here[rows, side], e[rows, side]) / number[rows, None]
             along = (mean * u[rows]).sum(1) ** 2
-            across = np.median((mean**2).sum(1) - along) / median_across
-            ratio[g, side] = np.median(along) / _MEDIANS[0] / max(across, _EXACT)
-    return Rounding(edges, ratio, count, _SPREADS[measured], both)
+            across = np.quantile((mean**2).sum(1) - along, share) / usual_across
+            ratio[g, side] = np.quantile(along, share) / usual / max(across, _EXACT)
+    return Rounding(edges, ratio, count, float(np.hypot(spread, spread_across)), seen)
+
+
+def _of_chi2(share: float, dof: int) -> tuple[float, float]:
+    """The value of chi² that it stays below with a probability `share`, and √n times the standard error of its
+    logarithm where it is found from n values."""
+    value = float(chi2.ppf(share, dof))
+    return value, float(np.sqrt(share * (1.0 - share)) / (chi2.pdf(value, dof) * value))
 
 
 def rounding_warning(

@@ -17,7 +17,7 @@ from thesis_lib.datasets.checks.known_body import contradictions
 from thesis_lib.datasets.checks.lasting_contacts import LastingContacts, lasting_contacts
 from thesis_lib.datasets.flights.arcs import ArcFits, fit_arcs
 from thesis_lib.datasets.flights.drag import air_in, air_sentence, breaks_lines, window_in
-from thesis_lib.datasets.flights.low_pass import low_pass_of
+from thesis_lib.datasets.flights.low_pass import Corners, low_pass_of
 from thesis_lib.datasets.flights.noise import (
     SIGMA_FLOOR,
     NoiseEstimate,
@@ -140,14 +140,17 @@ def find_in_arrays(
     # samples of a body that leaves its plane, of a simulation, or of one that lands and stays are not rounded
     lands = np.isfinite(landing_speeds(samples, at, noise.used, header, settings)).sum() > _MOST * len(at)
     if not (step or lands) and (on_table or noise.stray[0] < _SIDEWAYS * header.gravity):
-        rounded = guard_of(Kinks.of(fits), samples, np.fmax(noise.sigma, SIGMA_FLOOR), settings, on_table)
+        sides = "both" if on_table else "either"
+        rounded = guard_of(Kinks.of(fits), samples, np.fmax(noise.sigma, SIGMA_FLOOR), settings, sides)
     low_pass, lasting = None, 0.0
     if (guard := max(rounded, contact_guard(*sunk_and_speed(on_floors(fits, header), header)))) > usual:
         settings = settings.model_copy(update={"guard": guard})
         samples, at, fits, noise, glitch, sigma = search(settings, least)
     if rounded > usual:
         lasting, known = touch_time(on_floors(fits, header), header), np.fmax(noise.sigma, SIGMA_FLOOR)
-        low_pass = low_pass_of(fits, samples, known, header.gravity, guard, sampling_interval(samples), lasting)
+        low_pass = low_pass_of(
+            Corners.of(fits), samples, known, header.gravity, guard, sampling_interval(samples), lasting
+        )
         if low_pass is not None and low_pass.moves_parabolas:
             # the filter lowered all free fall alike
             lowered = 0.5 * header.gravity * low_pass.second_moment

@@ -16,6 +16,7 @@ from thesis_lib.critique.likelihood.in_space.episodes import HARD, OFF_SURFACE, 
 from thesis_lib.critique.likelihood.in_space.flights import flights_in_space, noise_of_flights
 from thesis_lib.critique.likelihood.in_space.given import given_in_space
 from thesis_lib.critique.likelihood.in_space.instants import (
+    FoundHits,
     between_samples,
     find_hits,
     first_sample,
@@ -37,8 +38,10 @@ from thesis_lib.critique.likelihood.supports import supports_in_space
 from thesis_lib.datasets.checks.in_space import one_clock
 from thesis_lib.datasets.checks.tracked_pose import settled
 from thesis_lib.datasets.flights.beside_hits import fit_windows
+from thesis_lib.datasets.flights.lines import SideLines
+from thesis_lib.datasets.flights.low_pass import LowPass, low_pass_of
 from thesis_lib.datasets.flights.parabolas import Hits
-from thesis_lib.datasets.flights.rounding import Kinks, contact_guard, guard_of, rounding_warning, sampling_interval
+from thesis_lib.datasets.flights.rounding import contact_guard, rounding_warning, sampling_interval
 from thesis_lib.datasets.format.dataset import Dataset
 from thesis_lib.datasets.format.frames import body_states, surface_frames, tracked_states
 from thesis_lib.datasets.format.header import Header
@@ -66,7 +69,11 @@ TO_PLANE = [0, 2, 1]  # t_1, n, t_2: detection takes the second coordinate as th
 
 
 def observe_in_space(
-    dataset: Dataset, settings: ArcSettings | None = None, episodes: bool = True, lags: tuple[float, ...] = ()
+    dataset: Dataset,
+    settings: ArcSettings | None = None,
+    episodes: bool = True,
+    lags: tuple[float, ...] = (),
+    low_pass: LowPass | None = None,
 ) -> Observations:
     """Observations of the hits of a dataset in space, as impacts.csv states them, else as trajectories show them.
 
@@ -74,6 +81,7 @@ def observe_in_space(
 
     `episodes`: also hits that follow each other too quickly to see the flight between (`episodes_in_space`).
     `lags`: times in s by which orientations were found to come later than positions, each after those before it.
+    `low_pass`: a filter that was found to have lowered all free falls.
 
     Raises:
         UserError: there are several surfaces, the tracked frame is unknown and cannot be found, or a body other
@@ -88,52 +96,55 @@ def observe_in_space(
             f"{dataset.name}: hits in space are found on one surface, and there are several. Give the one that is hit "
             "as `surface`; tosses onto another one are a dataset of their own."
         )
-    dataset, settings = settled(dataset), settings or ArcSettings(min_window=FEWEST)
-    header = dataset.in_space
+    dataset, given = settled(dataset), settings or ArcSettings(min_window=FEWEST)
+    header, settings = dataset.in_space, given
     whole, written, told = readable(dataset)
     if late := sum(lags):
         whole, written = with_attitudes_later(whole, late), (*written, AsStamped(late))
     (frame,) = surface_frames(header)
     states, rig = frame.seen(body_states(tracked_states(whole), header)), rig_of(dataset)
+    if low_pass is not None:
+        states = states.changed(states.position - 0.5 * low_pass.second_moment * rig.fall(states)[:3])
     clock = Header.model_validate(  # what detection asks of a dataset in the plane: a third coordinate is in m, too
         {"schema": 1, "body": {"shape": {"kind": "disk", "radius": 2.0}, "radius_of_gyration": 1.0}}
         | {"gravity": dataset.gravity, "rate": dataset.rate}
     )
     samples = make_samples(states.trial, states.t, states.position[TO_PLANE].T, clock, settings)
     noise, smoothed = noise_of_samples(samples, states, header)
-    times = one_clock(whole)[1]
-    at, windows, t, t_std, side, dv = find_hits(samples, clock, noise[0], settings)
-    strong = (dv**2).sum(axis=1) >= np.median((dv**2).sum(axis=1)) if len(at) else np.zeros(0, bool)
-    kinks = Kinks(at, t + windows.t_0, dv, strong)
-    guard = guard_of(kinks, samples, np.full(3, noise[0]), settings, both=True)
-    if guard > max(settings.guard, 1.5 * sampling_interval(samples)):  # of one interval is that of one side
-        told += rounding_warning(guard, settings.guard, 0.0, sampling_interval(samples), None)
+    times, interval = one_clock(whole)[1], sampling_interval(samples)
+
+    def again(least: float, lags: tuple[float, ...], low_pass: LowPass | None) -> Observations:
+        changed = given.model_copy(update={"guard": max(given.guard, least)})
+        return observe_in_space(dataset, changed, episodes, lags, low_pass)
+
+    def is_late(lag: float) -> bool:
+        return abs(lag) > (0.0 if lags else settings.guard) and len(lags) < MOST_LAGS
+
+    found, G = find_hits(samples, clock, noise[0], settings), header.body.inertia_per_mass
+    guard = found.guard(noise[0], settings)
+    if rounded := guard > max(settings.guard, 1.5 * interval):  # of one interval is that of one side
+        # attitudes that come late let the believed centre of mass sway, as if corners were rounded
+        if dataset.has_angle and is_late(lag := lag_of_attitudes(_beside(found, states, G, noise, settings)[-1])):
+            return again(interval, (*lags, lag), low_pass)
         settings = settings.model_copy(update={"guard": guard})
     if smoothed:
-        hits = Hits(samples.trial[at], kinks.t, np.ones(len(at), bool))
+        hits = Hits(found.trial, found.instant, np.ones(len(found.at), bool))
         noise = noise_of_flights(states, times, hits, rig, noise, settings.guard)
-    if smoothed or guard == settings.guard:
-        at, windows, t, t_std, side, _ = find_hits(samples, clock, noise[0], settings)
-    trial, reason = samples.trial[at], np.full(len(at), "", object)
-    near = np.r_[False, windows.same_trial] | np.r_[windows.same_trial, False] if len(at) else np.zeros(0, bool)
-    short = side.sum(2).min(1) < settings.min_window
-    reason[short] = np.where(near[short], "second_hit", "window_too_short")
+    if smoothed or rounded:
+        found = find_hits(samples, clock, noise[0], settings)
+    at, trial, instant = found.at, found.trial, found.instant
+    reason, index, pose, tau, used, fitted = _beside(found, states, G, noise, settings)
     rows = np.flatnonzero(reason == "")
-    index = np.clip(at[rows, None] + np.arange(-settings.max_window, settings.max_window + 2), 0, len(samples) - 1)
-    pose, tau = np.moveaxis(states.pose[:, index], 0, -1), windows.t[rows] - t[rows, None]
-    used, G = side[rows] > 0.0, header.body.inertia_per_mass
-    fitted = fit_windows(pose, tau, used, G, noise)
     lag = lag_of_attitudes(fitted, REST if lags else LATE) if dataset.has_angle else 0.0
-    if abs(lag) > (0.0 if lags else settings.guard) and len(lags) < MOST_LAGS:
+    if is_late(lag):
         # an attitude between two samples is of neither flight where there was a hit between them
-        guard = max(settings.guard, sampling_interval(samples))
-        return observe_in_space(dataset, settings.model_copy(update={"guard": guard}), episodes, (*lags, lag))
+        return again(interval, (*lags, lag), low_pass)
     told += lag_warning(late + lag)
     second_hit, grown, slack = has_another_hit(
         *off_free_motion(fitted, pose, tau, used, G, dataset.gravity, noise, lag)
     )
     reason[rows[second_hit]] = "second_hit"
-    lines = State.of(fitted.value[:, 0], fitted.slope[:, 0], trial[rows], t[rows], space=SPACE)
+    lines = State.of(fitted.value[:, 0], fitted.slope[:, 0], trial[rows], found.t[rows], space=SPACE)
     first = _under_gravity(lines, fitted.bow[:, 0], rig)
     off_by = rig.gap(first)
     # geometry that is believed wrongly moves all of them alike
@@ -150,7 +161,7 @@ def observe_in_space(
         reason[rows[which & (reason[rows] == "")]] = why
     if isinstance(header.body.solid, Sphere):
         bounces = np.flatnonzero(reason[rows] == "")
-        second = State.of(fitted.value[:, 1], fitted.slope[:, 1], trial[rows], t[rows], space=SPACE)
+        second = State.of(fitted.value[:, 1], fitted.slope[:, 1], trial[rows], found.t[rows], space=SPACE)
         rebound = _under_gravity(second, fitted.bow[:, 1], rig).velocity[2]
         speeds = np.stack([-first.velocity[2], rebound], axis=1)[bounces]
         reason[rolls(speeds, rows[bounces], trial) & np.isin(reason, ("", "second_hit"))] = "no_bounce"
@@ -158,20 +169,30 @@ def observe_in_space(
     touching_first = first.select(np.flatnonzero(kept))
     lasts = contact_guard(-off_by[kept], approach_speed(touching_first, rig), _of_shape(touching_first, rig))
     if lasts > CLEARLY * settings.guard:
-        return observe_in_space(dataset, settings.model_copy(update={"guard": lasts}), episodes, lags)
+        return again(lasts, lags, low_pass)
+    hits = Hits(trial, instant, reason == "")
+    flights = flights_in_space(states, times, hits, rig, noise, _touching(off_by[kept])[1], settings.guard)
+    if rounded:
+        lasting = max(float(np.median(-off_by[kept] / approach_speed(touching_first, rig))), 0.0) if kept.any() else 0.0
+        gravity = -float(np.median(flights.acceleration[:, 2])) if len(flights) else dataset.gravity
+        corners, sigma = found.corners(reason == "", gravity), np.full(3, noise[0])
+        seen_filter = low_pass_of(corners, samples, sigma, gravity, settings.guard, interval, lasting)
+        if low_pass is None and seen_filter is not None and seen_filter.moves_parabolas:
+            return again(0.0, lags, seen_filter)
+        low_pass = low_pass or seen_filter
+        told += rounding_warning(settings.guard, given.guard, lasting, interval, low_pass)
     inner = samples.t[index[kept]]  # of the samples used: the last before and the first after
     edges = {
         "start": np.where(used[kept, 0], inner, -np.inf).max(axis=1, initial=-np.inf),
         "end": np.where(used[kept, 1], inner, np.inf).min(axis=1, initial=np.inf),
     }
     counts = dict(zip(("n_pre", "n_post"), used[kept].sum(axis=2).T))
-    detected = between_samples(states, samples, at, t + windows.t_0)
+    detected = between_samples(states, samples, at, instant)
     rows, sigma = rows[kept], np.repeat(np.sqrt(grown), 6)
-    since = t + windows.t_0 - first_sample(samples)[at]
+    since = instant - first_sample(samples)[at]
     rig = replace(rig, recorded=WholeTosses.of(states, trial, since))
-    hits = Hits(trial, t + windows.t_0, reason == "")
     seen, touching = (noise[0] * sigma[0], noise[1] * sigma[-1]), _touching(off_by[kept])
-    all_hits = pd.DataFrame({"trial": trial, "impact": ordinals(trial), "t": t + windows.t_0, "reason": reason})
+    all_hits = pd.DataFrame({"trial": trial, "impact": ordinals(trial), "t": instant, "reason": reason})
     poses = Poses(samples, states, rig, seen, float(slack.max()))
     nearby = seen_beside(poses, all_hits, touching[1] if kept.any() else 0.0, settings)
     single = Observations(
@@ -184,14 +205,15 @@ def observe_in_space(
         span=np.zeros(len(rows)),
         **{name: getattr(fitted, name)[kept] for name in ("value", "slope", "bow", "nodes", "weights")},
         cov=fitted.cov[kept] * np.outer(sigma, sigma),
-        t_std=t_std[rows],
+        t_std=found.t_std[rows],
         offset=np.zeros((len(rows), 3)),
         arcs=True,
-        flights=flights_in_space(states, times, hits, rig, noise, _touching(off_by[kept])[1], settings.guard),
+        flights=flights,
         supports=supports_in_space(states, samples, hits, rig, noise) if dataset.has_angle else (),
         noise_known=True,
         found=replace(
             found_in_space(header, detected, ordinals(trial), reason, jumps(poses, all_hits, nearby), seen),
+            low_pass=low_pass,
             warnings=tuple(filter(None, (*told, too_slow(dataset.rate)))),
         ),
         written=written,
@@ -201,6 +223,23 @@ def observe_in_space(
     if not episodes:
         return single
     return add_episodes(single, poses, all_hits, pd.DataFrame(edges | counts), nearby, touching)
+
+
+def _beside(
+    found: FoundHits, states: State, G: np.ndarray, noise: tuple[float, float], settings: ArcSettings
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray, SideLines]:
+    """Why hits (n,) have too few samples beside them, "" where they have enough, and of those m the rows (m, W) of the
+    samples, their poses (m, W, 7), times (m, W) in s from the hit, which are used (m, 2, W), and what fits them."""
+    at, side, windows = found.at, found.side, found.windows
+    reason = np.full(len(at), "", object)
+    near = np.r_[False, windows.same_trial] | np.r_[windows.same_trial, False] if len(at) else np.zeros(0, bool)
+    short = side.sum(2).min(1) < settings.min_window
+    reason[short] = np.where(near[short], "second_hit", "window_too_short")
+    rows, reach = np.flatnonzero(reason == ""), np.arange(-settings.max_window, settings.max_window + 2)
+    index = np.clip(at[rows, None] + reach, 0, len(found.samples) - 1)
+    pose, tau = np.moveaxis(states.pose[:, index], 0, -1), windows.t[rows] - found.t[rows, None]
+    used = side[rows] > 0.0
+    return reason, index, pose, tau, used, fit_windows(pose, tau, used, G, noise)
 
 
 def _touching(gap: np.ndarray) -> tuple[float, float]:

@@ -12,7 +12,7 @@ closest,
 |          | `noise` | m, rad |        | one sigma of a coordinate of p, and of each component of a turn   |
 """
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pandas as pd
@@ -21,6 +21,8 @@ from thesis_lib.bodies.solids import Sphere
 from thesis_lib.datasets.checks.in_space import reading_of
 from thesis_lib.datasets.checks.jumps import out_and_back
 from thesis_lib.datasets.flights.lines import lines_through
+from thesis_lib.datasets.flights.low_pass import ARC, Corners
+from thesis_lib.datasets.flights.rounding import ENOUGH, Kinks, guard_of
 from thesis_lib.datasets.flights.windows import Windows, sides_of, windows_around
 from thesis_lib.datasets.format.dataset import Dataset
 from thesis_lib.datasets.format.header import Header, SpaceHeader
@@ -154,38 +156,82 @@ def _noise_of_means(samples: Samples, size: int) -> float:
     return float(np.sqrt(size * np.nanmean(noise_from_differences(means) ** 2)))
 
 
-def find_hits(
-    samples: Samples, clock: Header, sigma: float, settings: ArcSettings
-) -> tuple[np.ndarray, Windows, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """The samples before hits, their windows, and what `_instants` returns of these."""
+@dataclass(frozen=True)
+class FoundHits:
+    """n hits among samples.
+
+    | on paper | in code    | unit | shape     |                                                  |
+    |----------|------------|------|-----------|--------------------------------------------------|
+    |          | `at`       | 1    | (n,)      | samples before them                              |
+    | t_c      | `t`        | s    | (n,)      | instants, from the middle `t_0` of their windows |
+    |          | `t_std`    | s    | (n,)      | their standard deviations                        |
+    |          | `side`     | 1    | (n, 2, W) | samples used before and after, 0 or 1            |
+    | Δv       | `dv`       | m/s  | (n, 3)    | changes of the velocity                          |
+    """
+
+    samples: Samples
+    windows: Windows
+    at: np.ndarray
+    t: np.ndarray
+    t_std: np.ndarray
+    side: np.ndarray
+    dv: np.ndarray
+
+    @property
+    def trial(self) -> np.ndarray:
+        """Trials (n,)."""
+        return self.samples.trial[self.at]
+
+    @property
+    def instant(self) -> np.ndarray:
+        """Instants (n,) in s."""
+        return self.t + self.windows.t_0
+
+    def guard(self, sigma: float, settings: ArcSettings) -> float:
+        """Time in s from a hit within which samples with the noise `sigma` in m are rounded, 0 if none are.
+
+        First hits show it best: a body that hits again may have touched unseen in between.
+        """
+        size, chosen, seen = (self.dv**2).sum(axis=1), np.diff(self.trial, prepend=-1) != 0, "before"
+        if chosen.sum() < ENOUGH:
+            chosen, seen = size >= np.median(size) if len(size) else chosen, "both"
+        kinks = Kinks(self.at, self.instant, self.dv, chosen)
+        return guard_of(kinks, self.samples, np.full(3, sigma), settings, seen)
+
+    def corners(self, alone: np.ndarray, gravity: float) -> Corners:
+        """The hits as corners between two arcs that fall by `gravity` in m/s²; those that are not `alone` (n,) have no
+        long ones."""
+        long = alone & (self.side.sum(2).min(1) >= ARC)
+        lines = lines_through(self.side, *_falls(self.windows, self.t, gravity))
+        place = self.windows.q_0 + lines.value.mean(axis=1)
+        return Corners(self.at, self.instant, place, *np.moveaxis(lines.slope, 1, 0), long)
+
+
+def _falls(windows: Windows, t: np.ndarray, gravity: float) -> tuple[np.ndarray, np.ndarray]:
+    """Times (n, W) in s from the instants `t` (n,), and places (n, W, 3) in m without the free fall since then."""
+    tau = windows.t - t[:, None]
+    return tau, windows.q + 0.5 * gravity * (tau**2)[..., None] * [0.0, 1.0, 0.0]
+
+
+def find_hits(samples: Samples, clock: Header, sigma: float, settings: ArcSettings) -> FoundHits:
+    """The hits among samples with the noise `sigma` in m; `clock` is what detection knows of the recording."""
     at = detect(samples, clock, np.full(3, sigma), settings)
     # the instant of a hit with another one near runs away, and would leave the flight beside it a sample behind the hit
     windows = windows_around(samples, at, settings.max_window, beyond=0)
-    return at, windows, *_instants(windows, clock.gravity, sigma, settings)
-
-
-def _instants(
-    windows: Windows, gravity: float, sigma: float, settings: ArcSettings
-) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Instants (n,) in s from `t_0`, their standard deviation, the samples used (n, 2, W), 0 or 1, and the changes of
-    velocity (n, 3) in m/s."""
-    t, n = np.zeros(len(windows.t_0)), len(windows.t_0)
-    side, lines, dv = np.zeros((n, 2, windows.t.shape[1])), None, np.zeros((n, 3))
+    t, side, lines, dv = np.zeros(len(at)), np.zeros((len(at), 2, windows.t.shape[1])), None, np.zeros((len(at), 3))
     for _ in range(ROUNDS):
         side = sides_of(windows, t, settings, None)
-        tau = windows.t - t[:, None]
-        falls = windows.q + 0.5 * gravity * (tau**2)[..., None] * [0.0, 1.0, 0.0]
+        tau, falls = _falls(windows, t, clock.gravity)
         for way, used in ((1, side[:, 0]), (-1, side[:, 1])):
             for _ in range(MOST_SKIPPED):  # the next hit may have come earlier than it was detected
                 used *= 1.0 - end_off_line(used, tau, falls, np.full(3, sigma), way)
         lines = lines_through(side, tau, falls)
         dv, miss = lines.slope[:, 1] - lines.slope[:, 0], lines.value[:, 1] - lines.value[:, 0]
         t = np.clip(t - (miss * dv).sum(1) / np.maximum((dv * dv).sum(1), 1e-9), windows.low, windows.high)
-    if lines is None:
-        return t, t, side, dv
+    assert lines is not None
     unit = 1.0 / np.maximum(lines.count, 1.0) + lines.mean**2 / np.where(lines.spread > 0.0, lines.spread, np.inf)
     t_std = sigma * np.sqrt(unit.sum(1)) / np.maximum(np.linalg.norm(dv, axis=1), 1e-9)
-    return t, t_std, side, dv
+    return FoundHits(samples, windows, at, t, t_std, side, dv)
 
 
 def between_samples(states: State, samples: Samples, at: np.ndarray, t: np.ndarray) -> State:
