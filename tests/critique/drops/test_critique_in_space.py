@@ -32,6 +32,8 @@ from thesis_lib.critique.likelihood.at_impact import lines_beside, state_beside
 from thesis_lib.critique.likelihood.comparison import Comparison
 from thesis_lib.critique.likelihood.in_space.hits import observe_in_space
 from thesis_lib.critique.likelihood.synthesis import synthesise
+from thesis_lib.critique.results import findings
+from thesis_lib.critique.results.findings import few_diagnosis
 from thesis_lib.critique.results.load_model import load_model
 from thesis_lib.datasets import dataset_of
 from thesis_lib.datasets.format.frames import surface_frames, tracked_of_body
@@ -229,12 +231,21 @@ def test_what_is_saved_predicts_further_hits(centre_hidden, tmp_path):
         model.predict({"x": [0.0]})
 
 
-def test_episodes_alone_say_restitution_by_their_fit_only(observed):
+def test_episodes_alone_say_restitution_by_their_fit_only(observed, monkeypatch):
     episodes = observed.rows(np.flatnonzero(observed.span > 0.0))
     fitted = Drops(observed).fit("mirtich", (), effort="quick")
     assert len(episodes) > 3 and not len(own_restitution(fitted, episodes).epsilon)
     few = FewImpacts("", episodes, {"mirtich": fitted})
     assert few.restitution == (fitted.values["epsilon"], fitted.std["epsilon"])
+    monkeypatch.setattr(findings, "are_enough", lambda impacts, trials: True)
+    content = few_diagnosis(few)
+    assert content["verdict"] is None and f"only 0 of {len(episodes)} stand alone" in content["reason"]
+
+
+def test_bodies_that_are_none_have_no_path(observed):
+    model = Drops(observed).fit("mirtich", (), effort="quick").on(observed.rows(np.zeros(0, int))).dynamics
+    lines = observed.rows(np.zeros(0, int)).lines(0)
+    assert model.path(np.zeros((0, 8)), lines).shape == (0, 8, 7)
 
 
 @pytest.mark.slow

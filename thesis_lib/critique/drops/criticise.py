@@ -144,7 +144,7 @@ def criticise_drops(
         say: receives a line for each step.
 
     Raises:
-        TooFew: fewer than 30 usable impacts in 10 trials.
+        TooFew: fewer than 30 usable impacts in 10 trials, or no single ones among those that are held out.
         UserError: a channel that is constant, contacts too long for an impact, more than one planar rigid body, or an
             effect that is unknown or cannot be tested.
     """
@@ -158,6 +158,8 @@ def criticise_drops(
         needs = f"the critique needs {MIN_IMPACTS} in {MIN_TRIALS} to keep training and held-out data apart"
         raise too_few(dataset, observations, needs)
     training, held_out = map(observations.select, split(trials, settings.held_out_share, rng))
+    if not (len(training.single) and len(held_out.single)):
+        raise too_few(dataset, observations, "nearly all follow each other too quickly, and errors are of single hits")
     observations, training = (part.counted_from(training.middle) for part in (observations, training))
     observations = predictable(observations, training, settings)
     training, held_out = (observations.select(np.unique(part.trial)) for part in (training, held_out))
@@ -174,7 +176,7 @@ def criticise_drops(
     structure = remaining(final, training.single, rng)
     here = base.on(held_out)
     no_impact = held_out.norm(here.after.v - here.before.v)
-    irb, irb_augmented = (_mean(irb_errors(fitted, held_out)) for fitted in (base, final))
+    irb, irb_augmented = (float(irb_errors(fitted, held_out).mean()) for fitted in (base, final))
     errors = (irb, irb_augmented, float(no_impact.mean()))
     parts = (observations, training, held_out)
     return DropsCritique(
@@ -215,11 +217,6 @@ def irb_errors(fitted: Fit, observations: Observations) -> np.ndarray:
         return velocity_error(left.T, at.mobility**-0.5)
     G = np.linalg.inv(np.moveaxis(at.mobility, -1, 0))
     return np.sqrt((left[:3] ** 2).sum(axis=0) + np.einsum("in,nij,jn->n", left[3:], G, left[3:]))
-
-
-def _mean(errors: np.ndarray) -> float:
-    """NaN of none: of hits that all belong to episodes."""
-    return float(errors.mean()) if len(errors) else np.nan
 
 
 @of_the_plane(lambda: None)

@@ -27,7 +27,7 @@ from thesis_lib.critique.results.tables import few_tables, tables
 from thesis_lib.datasets.checks.in_space import motion_facts
 from thesis_lib.datasets.checks.tracked_pose import tracked_frame_told
 from thesis_lib.datasets.format.dataset import Dataset
-from thesis_lib.datasets.impacts.found import MIN_IMPACTS, MIN_TRIALS
+from thesis_lib.datasets.impacts.found import MIN_IMPACTS, MIN_TRIALS, are_enough
 from thesis_lib.datasets.space.flights import too_slow
 from thesis_lib.effects import effects_in
 from thesis_lib.effects.effect import Rig
@@ -47,8 +47,13 @@ def few_diagnosis(few: FewImpacts) -> dict:
     slow = "" if few.source is None or o.space.is_plane or not o.arcs else too_slow(few.source.rate)
     if slow:
         why = f"too slow for a verdict ({n} usable impacts in {m} {'trial' if m == 1 else 'trials'}). {slow[:-1]}"
+    needed = _what_is_needed(n, m)
+    if slow:
+        needed = "For a verdict on the contact model record at 100 Hz or more."
+    elif are_enough(n, m):
+        why = f"too few impacts: only {len(o.single)} of {n} stand alone, and models are judged by those"
+        needed = "For a verdict on the contact model record at a higher rate and without a filter, as hits follow soon."
     shown = [] if o.space.is_plane else _recording(few)
-    needed = "For a verdict on the contact model record at 100 Hz or more." if slow else _what_is_needed(n, m)
     nothing: dict = dict.fromkeys((*ERRORS, "explained_share", *ALWAYS))
     ends = {f"{name}_interval": [None, None] for name in ("base", "augmented")}
     unknown = {"error": None, "interval": [None, None], "unit": "m/s"}
@@ -110,7 +115,7 @@ def few_parameters(few: FewImpacts) -> dict[str, dict]:
 
 def _summary(content: Mapping, why: str) -> list[str]:
     of, found = content["restitution"], content["base_model"]["parameters"]
-    first = f"{why.replace('too few impacts', 'Too few impacts for a verdict').replace('too slow', 'Too slow', 1)}."
+    first = f"{why.replace('too few impacts', 'Too few impacts for a verdict', 1).replace('too slow', 'Too slow', 1)}."
     last = (*much_left_out(content), content["next_experiment"]["why"])
     if not found:
         return [first, *last]
