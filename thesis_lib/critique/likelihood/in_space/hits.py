@@ -22,6 +22,7 @@ from thesis_lib.critique.likelihood.in_space.instants import (
     first_sample,
     noise_of_samples,
     readable,
+    turning_pull,
     with_attitudes_later,
 )
 from thesis_lib.critique.likelihood.in_space.left_out import (
@@ -102,9 +103,11 @@ def observe_in_space(
     if late := sum(lags):
         whole, written = with_attitudes_later(whole, late), (*written, AsStamped(late))
     (frame,) = surface_frames(header)
-    states, rig = frame.seen(body_states(tracked_states(whole), header)), rig_of(dataset)
+    tracked, rig = tracked_states(whole), rig_of(dataset)
+    states = frame.seen(body_states(tracked, header))
     if low_pass is not None:
-        states = states.changed(states.position - 0.5 * low_pass.second_moment * rig.fall(states)[:3])
+        pull = rig.fall(states)[:3] + turning_pull(states, frame.seen(tracked).position - states.position)
+        states = states.changed(states.position - 0.5 * low_pass.second_moment * pull)
     clock = Header.model_validate(  # what detection asks of a dataset in the plane: a third coordinate is in m, too
         {"schema": 1, "body": {"shape": {"kind": "disk", "radius": 2.0}, "radius_of_gyration": 1.0}}
         | {"gravity": dataset.gravity, "rate": dataset.rate}

@@ -34,7 +34,7 @@ from thesis_lib.datasets.samples.copies import originals
 from thesis_lib.datasets.samples.stamps import times_of_pictures
 from thesis_lib.effects.as_written import RELABELLINGS, AsWritten
 from thesis_lib.foundation.errors import UserError
-from thesis_lib.mechanics.space import SPACE
+from thesis_lib.mechanics.space import SPACE, cross
 from thesis_lib.mechanics.state import State
 from thesis_lib.statistics.spread import MAD_TO_STD
 
@@ -232,6 +232,19 @@ def find_hits(samples: Samples, clock: Header, sigma: float, settings: ArcSettin
     unit = 1.0 / np.maximum(lines.count, 1.0) + lines.mean**2 / np.where(lines.spread > 0.0, lines.spread, np.inf)
     t_std = sigma * np.sqrt(unit.sum(1)) / np.maximum(np.linalg.norm(dv, axis=1), 1e-9)
     return FoundHits(samples, windows, at, t, t_std, side, dv)
+
+
+def turning_pull(states: State, arm: np.ndarray) -> np.ndarray:
+    """ω × (ω × r) (3, N) in m/s² of a tracked point at r = `arm` (3, N) in m from the centre of mass, with the spin
+    between the samples beside each; 0 at the ends of trials.
+
+    A filter smooths the tracked place, which turns about the centre of mass.
+    """
+    inner = np.flatnonzero(states.trial[2:] == states.trial[:-2]) + 1
+    turn = SPACE.turn_between(states.attitude[:, inner - 1], states.attitude[:, inner + 1])
+    spin = np.zeros_like(arm)
+    spin[:, inner] = turn / (states.t[inner + 1] - states.t[inner - 1])
+    return cross(spin, cross(spin, arm))
 
 
 def between_samples(states: State, samples: Samples, at: np.ndarray, t: np.ndarray) -> State:
