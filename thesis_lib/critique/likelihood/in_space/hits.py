@@ -97,8 +97,8 @@ def observe_in_space(
             f"{dataset.name}: hits in space are found on one surface, and there are several. Give the one that is hit "
             "as `surface`; tosses onto another one are a dataset of their own."
         )
-    dataset, given = settled(dataset), settings or ArcSettings(min_window=FEWEST)
-    header, settings = dataset.in_space, given
+    dataset, settings = settled(dataset), settings or ArcSettings(min_window=FEWEST)
+    header, given = dataset.in_space, settings
     whole, written, told = readable(dataset)
     if late := sum(lags):
         whole, written = with_attitudes_later(whole, late), (*written, AsStamped(late))
@@ -120,14 +120,15 @@ def observe_in_space(
         changed = given.model_copy(update={"guard": max(given.guard, least)})
         return observe_in_space(dataset, changed, episodes, lags, low_pass)
 
-    def is_late(lag: float) -> bool:
-        return abs(lag) > (0.0 if lags else settings.guard) and len(lags) < MOST_LAGS
+    def is_late(lag: float, guard: float) -> bool:
+        return abs(lag) > (0.0 if lags else guard) and len(lags) < MOST_LAGS
 
     found, G = find_hits(samples, clock, noise[0], settings), header.body.inertia_per_mass
     guard = found.guard(noise[0], settings)
     if rounded := guard > max(settings.guard, 1.5 * interval):  # of one interval is that of one side
         # attitudes that come late let the believed centre of mass sway, as if corners were rounded
-        if dataset.has_angle and is_late(lag := lag_of_attitudes(_beside(found, states, G, noise, settings)[-1])):
+        lag = lag_of_attitudes(_beside(found, states, G, noise, settings)[-1]) if dataset.has_angle else 0.0
+        if is_late(lag, settings.guard):
             return again(interval, (*lags, lag), low_pass)
         settings = settings.model_copy(update={"guard": guard})
     if smoothed:
@@ -139,7 +140,7 @@ def observe_in_space(
     reason, index, pose, tau, used, fitted = _beside(found, states, G, noise, settings)
     rows = np.flatnonzero(reason == "")
     lag = lag_of_attitudes(fitted, REST if lags else LATE) if dataset.has_angle else 0.0
-    if is_late(lag):
+    if is_late(lag, settings.guard):
         # an attitude between two samples is of neither flight where there was a hit between them
         return again(interval, (*lags, lag), low_pass)
     told += lag_warning(late + lag)

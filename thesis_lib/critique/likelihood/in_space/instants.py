@@ -204,7 +204,7 @@ class FoundHits:
         long = alone & (self.side.sum(2).min(1) >= ARC)
         lines = lines_through(self.side, *_falls(self.windows, self.t, gravity))
         place = self.windows.q_0 + lines.value.mean(axis=1)
-        return Corners(self.at, self.instant, place, *np.moveaxis(lines.slope, 1, 0), long)
+        return Corners(self.at, self.instant, place, lines.slope[:, 0], lines.slope[:, 1], long)
 
 
 def _falls(windows: Windows, t: np.ndarray, gravity: float) -> tuple[np.ndarray, np.ndarray]:
