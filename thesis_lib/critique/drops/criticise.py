@@ -14,6 +14,7 @@ from threadpoolctl import threadpool_limits
 from thesis_lib.contact.bounds import best_impulse
 from thesis_lib.contact.space import velocity_error
 from thesis_lib.critique.contacts.bases import BASES
+from thesis_lib.critique.drops.elsewhere import HitsElsewhere, hits_elsewhere
 from thesis_lib.critique.drops.features import remaining
 from thesis_lib.critique.drops.few_impacts import too_few
 from thesis_lib.critique.drops.judgement import Judgement
@@ -85,7 +86,13 @@ class DropsCritique:
         nameless = {name for name, found in self.stand_ins.items() if not found.instead}
         clearing = {step.effect.name for step in self.discovery.steps if step.clears}
         missing = self.observations.found.down is not None  # no law has a restitution that ends at a speed
+        missing |= self.elsewhere is not None
         return self.discovery.verdict(self.is_structured or bool(nameless & clearing) or missing)
+
+    @cached_property
+    def elsewhere(self) -> HitsElsewhere | None:
+        """Hits on something that is not the surface, if there are more than errors of tracking."""
+        return hits_elsewhere(self.ladder[-1][1], self.observations, self.settings.elsewhere)
 
     @cached_property
     def stand_ins(self) -> dict[str, StandIn]:

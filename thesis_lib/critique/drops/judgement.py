@@ -13,6 +13,7 @@ import numpy as np
 
 from thesis_lib.critique.drops.planar.unknown_spin import left_over
 from thesis_lib.critique.likelihood.channels import CHANNELS, IMPACT, Channel, Misfits, present, worst_of_noise
+from thesis_lib.critique.likelihood.comparison import Comparison
 from thesis_lib.critique.likelihood.fit import Fit
 from thesis_lib.critique.likelihood.observations import Observations
 from thesis_lib.critique.likelihood.whitening import Whitening
@@ -85,16 +86,24 @@ class Judgement:
         }
 
 
+def misfits(fitted: Fit, o: Observations) -> Misfits:
+    """What a model leaves of observations, hit by hit."""
+    return _misfits(fitted, o, fitted.on(o))[1]
+
+
+def _misfits(fitted: Fit, o: Observations, here: Comparison) -> tuple[Whitening, Misfits]:
+    R, S = here.noisy.value, here.covariance(o.t_std)
+    whitening = Whitening(fitted.model, o, here.covariance(), fitted.sigma_m, (fitted.values, R))
+    names = [beside.channel for beside in o.beside]
+    return whitening, Misfits(o, R, whitening.S, S, dict(zip(names, whitening(fitted.values)[1:])))
+
+
 def judge(fitted: Fit, o: Observations) -> Judgement:
     """Judge a model on observations that it was not fitted to."""
-    model, values = fitted.model, fitted.values
     here = fitted.on(o)
-    R, S = here.noisy.value, here.covariance(o.t_std)
-    whitening = Whitening(model, o, here.covariance(), fitted.sigma_m, (values, R))
-    names = [beside.channel for beside in o.beside]
-    left = Misfits(o, R, whitening.S, S, dict(zip(names, whitening(values)[1:])))
-    sigmas = {}
-    for name in present(names):
+    whitening, left = _misfits(fitted, o, here)
+    R, S, sigmas = left.R, left.sharp, {}
+    for name in present(left.beside):
         z = CHANNELS[name].in_sigmas(left)
         sigmas[name] = np.nan if z is None else CHANNELS[name].mean_square(z)
         if z is not None and not o.space.is_plane:
@@ -109,7 +118,7 @@ def judge(fitted: Fit, o: Observations) -> Judgement:
         drawn = np.einsum("nij,dnj->dni", L, unit)
         noise = o.norm(left_over(here, drawn))
         floor, excess = float(noise.mean()), float(np.median(error) / np.median(noise))
-    score, *others = whitening.log_scores(values)
+    score, *others = whitening.log_scores(fitted.values)
     beside = {b.channel: (b.trial, scores) for b, scores in zip(o.beside, others)}
     return Judgement(o.trial, score, beside, error, sigmas, floor, excess, here.dynamics.integrated)
 

@@ -28,6 +28,18 @@ class TermChoice(Section):
     )
 
 
+class ElsewhereSettings(Section):
+    """When hits away from the surface are more than errors of tracking (`elsewhere`)."""
+
+    sigmas: float = Field(
+        10.0,
+        gt=0,
+        description="sigmas of noise, and of the spread of all hits, by which a single hit is off the surface",
+    )
+    trials: int = Field(3, ge=1, description="fewest trials with such a hit that count")
+    share: float = Field(0.02, ge=0, le=1, description="least share of the trials that counts")
+
+
 class CritiqueSettings(SearchSettings):
     """Settings of the critique of drops; all own choices."""
 
@@ -41,6 +53,7 @@ class CritiqueSettings(SearchSettings):
     terms: TermChoice = TermChoice()
     excess_scatter: float = Field(1.5, gt=1, description="median held-out error over noise; beyond: unexplained")
     one_body: OneBody = OneBody()
+    elsewhere: ElsewhereSettings = ElsewhereSettings()
     near_noise: float = Field(
         1.5,
         ge=1,

@@ -5,9 +5,9 @@ from collections.abc import Mapping, Sequence
 from thesis_lib.critique.drops.features import FEATURES
 from thesis_lib.statistics.wording import listed
 
-OFF_WALL = "off_wall"
+AWAY = ("off_wall", "off_surface")  # reasons of hits that say nothing of the surface, in the plane and in space
 REASONS = {
-    OFF_WALL: "away from every wall: another body or a hand",
+    "off_wall": "away from every wall: another body or a hand",
     "off_surface": "away from the surface: a hand, another body, or beyond its edge",
     "energy_gain": "leaves faster than any impact lets it",
     "lost_frames": "long gap: too few samples on a side",

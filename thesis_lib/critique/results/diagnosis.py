@@ -37,6 +37,8 @@
 |                 |                     | that is recorded                                                            |
 |                 | energy_gain         | median relative gain of energy at impacts, 0 unless most gain               |
 |                 | stays_down          | null, or hits that stay down: `thesis_lib/datasets/impacts/stays_down.py`   |
+|                 | elsewhere           | null, or hits on something that is not the surface: `trials` of all `of`,   |
+|                 |                     | number of `hits`, `first` ones: thesis_lib/critique/drops/elsewhere.py      |
 |                 | remarks             | what the body does that no impact law does, absent if nothing               |
 """
 
@@ -50,7 +52,7 @@ from thesis_lib.critique.drops.criticise import DropsCritique
 from thesis_lib.critique.drops.judgement import channel_is_material, judge, spoilt_channels
 from thesis_lib.critique.drops.questions.detectable import detectable
 from thesis_lib.critique.drops.questions.next_experiment import next_experiment
-from thesis_lib.critique.drops.words import OFF_WALL
+from thesis_lib.critique.drops.words import AWAY
 from thesis_lib.critique.likelihood.channels import CHANNELS
 from thesis_lib.critique.likelihood.fit import Fit
 from thesis_lib.critique.likelihood.in_space.hits import hard_hits
@@ -98,6 +100,7 @@ def diagnosis(critique: DropsCritique, rng: np.random.Generator, rungs: pd.DataF
             else dict(zip(("differs_by", "low", "high"), differs)) | {"unit": "1"},
             "energy_gain": found.gain,
             "stays_down": None if found.down is None else asdict(found.down),
+            "elsewhere": None if critique.elsewhere is None else critique.elsewhere.content(),
             "error": remaining.error_before,
             "error_without_it": remaining.error_after,
             "stand_ins": list(critique.stand_ins),
@@ -239,7 +242,7 @@ def left_out(observations: Observations) -> dict:
     table = left_out_impacts(observations)
     reasons = {str(k): int(v) for k, v in sorted(table["reason"].value_counts().items())}
     # what hit no wall says nothing about the impacts that did
-    missing = len(table) - reasons.get(OFF_WALL, 0)
+    missing = len(table) - sum(reasons.get(reason, 0) for reason in AWAY)
     total = missing + len(observations)
     bent = len(observations.flights.bent)
     flights = {"bent": bent, "n": bent + len(observations.flights)}

@@ -11,7 +11,7 @@ import numpy as np
 
 from thesis_lib.contact.compliant.normal_force import NormalForce
 from thesis_lib.critique.contacts.bases import BASES
-from thesis_lib.critique.drops.words import NAMED, OFF_WALL, feature_text, reasons_listed
+from thesis_lib.critique.drops.words import AWAY, NAMED, feature_text, reasons_listed
 from thesis_lib.critique.likelihood.channels import CHANNELS
 from thesis_lib.critique.results.clock_and_size import said
 from thesis_lib.critique.results.effect_sentences import (
@@ -113,7 +113,7 @@ def much_left_out(content: Mapping) -> list[str]:
     bent = [text] if (text := bent_sentence(flights["bent"], flights["n"])) else []
     if share <= MUCH_LEFT_OUT:
         return bent
-    why = reasons_listed({name: n for name, n in content["left_out"]["reasons"].items() if name != OFF_WALL})
+    why = reasons_listed({name: n for name, n in content["left_out"]["reasons"].items() if name not in AWAY})
     said = "the verdict holds" if content["verdict"] else "all holds"
     return [f"{100 * share:.0f} % of the detected impacts were left out ({why}), so {said} for the others only.", *bent]
 
@@ -171,6 +171,14 @@ def _unexplained(content: Mapping) -> list[str]:
         besides = listed(physics) or ("that fault" if any(map(is_fault, found)) else "")
         taken = f"with {listed(replaced)} as a stand-in" if len(replaced) == len(found) else _with(content, found)
         beyond = f"{besides and f' beyond {besides}'}; {taken} {_fall(content, found)}"
+    if remaining.get("elsewhere") and not remaining["structured"]:
+        besides = f" with {listed([named(e) for e in found])}" if found else ""
+        model, left = _law(content, "augmented_model"), f"{speed(error['augmented'])}{_floor(error)}"
+        return [
+            struck_elsewhere(remaining["elsewhere"]),
+            f"For the other hits {model}{besides} holds, with a held-out error of {left}.",
+            "Look at the videos of these trials, and leave them out or record what was hit.",
+        ]
     if remaining.get("stays_down") and not remaining["structured"]:
         limit = speed(remaining["stays_down"]["speed"])
         besides = f", with {listed([named(e) for e in found])}," if found else ""
@@ -200,11 +208,23 @@ def _unexplained(content: Mapping) -> list[str]:
     if not tried:
         return [*sentences, "Let the critique look for the effect that is missing."]
     on = listed([f"the {feature_text(name)}" for name in remaining["depends_on"]])
+    if remaining.get("elsewhere"):
+        sentences.append(struck_elsewhere(remaining["elsewhere"]))
     sentences.append(
         (f"What is left depends on {on}: look there" if on else "Look at what is left")
         + " for a cause that the library does not hold, or learn it as a residual."
     )
     return sentences
+
+
+def struck_elsewhere(hits: Mapping) -> str:
+    """Sentence on hits on something that is not the surface."""
+    shown = [f"trial {one['trial']} at {one['t']:.3f} s" for one in hits["first"]]
+    more = hits["hits"] - len(shown)
+    return (
+        f"In {hits['trials']} of {hits['of']} trials the body is hit by something that is not the surface, a hand or "
+        f"another object: {listed([*shown, f'{more} more'] if more else shown)}."
+    )
 
 
 def restitution_differs(differs: Mapping) -> str:

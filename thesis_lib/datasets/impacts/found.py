@@ -30,6 +30,20 @@ ARC_COLUMNS = (
 
 
 @dataclass(frozen=True)
+class Away:
+    """n changes of velocity away from the surface, in its frame.
+
+    Attributes:
+        before, after: states at the instant, as the samples on either side have them under gravity.
+        middle: (n, 2) s, mean times of these samples from the instant.
+    """
+
+    before: State
+    after: State
+    middle: np.ndarray
+
+
+@dataclass(frozen=True)
 class FoundImpacts:
     """Impacts that can be used, and what was found on the way."""
 
@@ -50,6 +64,7 @@ class FoundImpacts:
     step: float = 0.0  # s; contacts seem to be looked for once in it
     air: Air | None = None  # forces of the air on the body in flight; `samples.air` where arcs take them into account
     contacts: pd.DataFrame | None = None  # of bodies in space, a row for each hit: trial, impact, kind, jump in m/s
+    away: Away | None = None  # in space, of the hits `off_surface`, in their order
     gain: float = 0.0  # median relative gain of energy at impacts, 0 unless most gain
     warnings: tuple[str, ...] = ()  # sentences for the user, the remarks among them
 

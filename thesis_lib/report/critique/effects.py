@@ -16,7 +16,7 @@ from thesis_lib.critique.proposal.results import UNTESTABLE, sized
 from thesis_lib.critique.results import effect_sentences as told
 from thesis_lib.critique.results.clock_and_size import said
 from thesis_lib.critique.results.numbers import MATERIAL, MOVED, compensated
-from thesis_lib.critique.results.summary import above_noise, restitution_differs, worst
+from thesis_lib.critique.results.summary import above_noise, restitution_differs, struck_elsewhere, worst
 from thesis_lib.critique.results.titles import effect_title, law_title, new_law, symbol
 from thesis_lib.critique.selection.settings import search_ended
 from thesis_lib.effects import EFFECTS
@@ -93,11 +93,12 @@ def remaining(critique: DropsCritique, d: Mapping) -> Markup:
     """Text on what remains after the last effect: structure, scatter beyond the noise, or nothing that matters."""
     rest, judged = d["remaining"], critique.ladder[-1][2]
     p, most = number(rest["p_value"], 2), number(critique.settings.excess_scatter, 2)
+    elsewhere = [struck_elsewhere(rest["elsewhere"])] if rest.get("elsewhere") else []
     if not rest["structured"]:
         no_structure = f"What is left in the residuals shows no structure that matters (p = {p} by permutation)."
-        return paragraph(no_structure, *above_noise(d)) + _worst(d["error"])
+        return paragraph(*elsewhere, no_structure, *above_noise(d)) + _worst(d["error"])
     over_noise = {name: misfit for name, (misfit, _) in judged.over_noise().items()}
-    sentences = [
+    sentences = elsewhere + [
         f"With all that was found the held-out misfit of {CHANNELS[channel].text} is {number(over_noise[channel], 2)} "
         f"times what noise alone would give (far more than {most} counts as unexplained)."
         for channel in rest["channels"]

@@ -105,7 +105,9 @@ def report_html(
     if d["verdict"] == "adequate" and len(clearing) < len(d["effects"]):
         word = "✓ adequate: the effects that you switched on are not needed"
     elif d["verdict"] == "unexplained" and not d["remaining"]["structured"]:
-        word = "? unexplained: what would explain it contradicts what is known of the body"
+        other = "something that is not the surface hits the body"
+        contradicts = "what would explain it contradicts what is known of the body"
+        word = f"? unexplained: {other if d['remaining'].get('elsewhere') else contradicts}"
     return critique_page(
         d,
         contents,

@@ -12,7 +12,7 @@ import pandas as pd
 
 from thesis_lib.bodies.solids import Sphere
 from thesis_lib.critique.likelihood.in_space.clear_flights import Poses, jumps, seen_beside
-from thesis_lib.critique.likelihood.in_space.episodes import HARD, OFF_SURFACE, add_episodes
+from thesis_lib.critique.likelihood.in_space.episodes import ELSEWHERE, HARD, OFF_SURFACE, add_episodes
 from thesis_lib.critique.likelihood.in_space.flights import flights_in_space, noise_of_flights
 from thesis_lib.critique.likelihood.in_space.given import given_in_space
 from thesis_lib.critique.likelihood.in_space.instants import (
@@ -47,7 +47,7 @@ from thesis_lib.datasets.format.dataset import Dataset
 from thesis_lib.datasets.format.frames import body_states, surface_frames, tracked_states
 from thesis_lib.datasets.format.header import Header
 from thesis_lib.datasets.format.samples import ArcSettings, make_samples
-from thesis_lib.datasets.impacts.found import found_in_space, ordinals
+from thesis_lib.datasets.impacts.found import Away, found_in_space, ordinals
 from thesis_lib.datasets.impacts.spin import unseen_spin
 from thesis_lib.datasets.space.flights import too_slow
 from thesis_lib.effects.as_written import AsStamped
@@ -148,8 +148,11 @@ def observe_in_space(
         *off_free_motion(fitted, pose, tau, used, G, dataset.gravity, noise, lag)
     )
     reason[rows[second_hit]] = "second_hit"
-    lines = State.of(fitted.value[:, 0], fitted.slope[:, 0], trial[rows], found.t[rows], space=SPACE)
-    first = _under_gravity(lines, fitted.bow[:, 0], rig)
+    since = instant - first_sample(samples)[at]
+    lines, later = (
+        State.of(fitted.value[:, side], fitted.slope[:, side], trial[rows], since[rows], space=SPACE) for side in (0, 1)
+    )
+    first, second = (_under_gravity(of, fitted.bow[:, side], rig) for side, of in enumerate((lines, later)))
     off_by = rig.gap(first)
     # geometry that is believed wrongly moves all of them alike
     elsewhere = (
@@ -161,13 +164,11 @@ def observe_in_space(
     )
     of_push = np.sqrt(grown[0] * fitted.cov[:, :, UPWARDS, UPWARDS].sum(axis=1))
     unpushed = push < SURE * of_push
-    for which, why in ((elsewhere, "off_surface"), (leaves, "no_approach"), (unpushed, "no_push")):
+    for which, why in ((elsewhere, ELSEWHERE), (leaves, "no_approach"), (unpushed, "no_push")):
         reason[rows[which & (reason[rows] == "")]] = why
     if isinstance(header.body.solid, Sphere):
         bounces = np.flatnonzero(reason[rows] == "")
-        second = State.of(fitted.value[:, 1], fitted.slope[:, 1], trial[rows], found.t[rows], space=SPACE)
-        rebound = _under_gravity(second, fitted.bow[:, 1], rig).velocity[2]
-        speeds = np.stack([-first.velocity[2], rebound], axis=1)[bounces]
+        speeds = np.stack([-first.velocity[2], second.velocity[2]], axis=1)[bounces]
         reason[rolls(speeds, rows[bounces], trial) & np.isin(reason, ("", "second_hit"))] = "no_bounce"
     kept = reason[rows] == ""
     touching_first = first.select(np.flatnonzero(kept))
@@ -190,10 +191,11 @@ def observe_in_space(
         "start": np.where(used[kept, 0], inner, -np.inf).max(axis=1, initial=-np.inf),
         "end": np.where(used[kept, 1], inner, np.inf).min(axis=1, initial=np.inf),
     }
+    away = np.flatnonzero(reason[rows] == ELSEWHERE)
+    middle = (used[away] * tau[away, None]).sum(axis=2) / used[away].sum(axis=2)
     counts = dict(zip(("n_pre", "n_post"), used[kept].sum(axis=2).T))
     detected = between_samples(states, samples, at, instant)
     rows, sigma = rows[kept], np.repeat(np.sqrt(grown), 6)
-    since = instant - first_sample(samples)[at]
     rig = replace(rig, recorded=WholeTosses.of(states, trial, since))
     seen, touching = (noise[0] * sigma[0], noise[1] * sigma[-1]), _touching(off_by[kept])
     all_hits = pd.DataFrame({"trial": trial, "impact": ordinals(trial), "t": instant, "reason": reason})
@@ -218,6 +220,7 @@ def observe_in_space(
         found=replace(
             found_in_space(header, detected, ordinals(trial), reason, jumps(poses, all_hits, nearby), seen),
             low_pass=low_pass,
+            away=Away(first.select(away), second.select(away), middle),
             warnings=tuple(filter(None, (*told, too_slow(dataset.rate)))),
         ),
         written=written,

@@ -1,0 +1,56 @@
+"""Hits on a hand or another object: MuJoCo has them, the library has no effect for them."""
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+
+from thesis_lib.bodies.solids import Box
+from thesis_lib.critique.drops.criticise import fit_model
+from thesis_lib.critique.drops.elsewhere import hits_elsewhere
+from thesis_lib.critique.drops.settings import ElsewhereSettings
+from thesis_lib.datasets.format.header import SpaceHeader
+from thesis_lib.simulate.mujoco.outside import HAND
+from thesis_lib.simulate.mujoco.tosses import MujocoTosses
+from thesis_lib.simulate.tosses.camera import CameraInSpace, film
+from thesis_lib.simulate.tosses.world import TossedWorld
+
+pytestmark = pytest.mark.slow
+TOSSES = 30
+
+
+@cache
+def found(*hidden):
+    body = {"shape": Box(half_extents=(0.05, 0.04, 0.03)), "mass": 0.25, "homogeneous": True}
+    header = SpaceHeader.model_validate(
+        {"schema": 2, "body": body, "rate": 240.0, "noise": {"position": 2e-4, "rotation": 2e-3}}
+    )
+    world = TossedWorld(header, hidden=dict(hidden), contact_time=1e-3)
+    dataset = film("boxes", world, MujocoTosses(), CameraInSpace(), TOSSES, np.random.default_rng(3))
+    fitted = fit_model(dataset, "convex_contact")
+    o = fitted.whitening.observations
+    return o, lambda o=o, **settings: hits_elsewhere(fitted, o, ElsewhereSettings(**settings))
+
+
+def test_nothing_else_is_hit_where_nothing_is_hidden():
+    _, elsewhere = found()
+    assert elsewhere() is None and elsewhere(trials=1) is None
+
+
+def test_a_hand_in_flight_is_found_in_the_trials_that_it_touched():
+    _, elsewhere = found(("hand.push", 15.0), ("hand.share", 0.4))
+    hand = elsewhere()
+    assert 0.2 * TOSSES < hand.trials < 0.7 * TOSSES
+    assert all(0.0 < t < HAND[1] + 0.01 for _, t in hand.hits)
+    assert elsewhere(share=0.9) is elsewhere(trials=TOSSES) is None  # as few may be errors of tracking
+
+
+def test_hits_above_the_surface_are_found_though_the_law_fits_all_others():
+    o, elsewhere = found()
+    single = np.flatnonzero(o.span == 0.0)
+    hit = single[np.argsort(o.slope[single, 0, 2])[:4]]  # the fastest
+    value = o.value.copy()
+    value[hit, :, 2] += 0.01  # height, as on another object of 10 mm
+    raised = elsewhere(replace(o, value=value), trials=1)
+    assert set(raised.hits) == set(zip(o.trial[hit].tolist(), o.t[hit].tolist()))

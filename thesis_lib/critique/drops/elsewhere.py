@@ -1,0 +1,100 @@
+"""Hits on something that is not the surface: a hand in flight, another object on the table.
+
+They show in two ways, and neither depends on the law of contact:
+
+- between two free flights the velocity jumps (`off_surface`) where the final model, too, has the body far from the
+  surface.  No fit uses such a hit.  It counts if a hit on the surface follows in its trial: what catches a body in the
+  end says nothing of the flights that are used;
+- a single hit that is used, but at which the final model has the body above or below the surface, or lets it touch so
+  much later that the flights do not meet, by many times the noise and by many times what the other hits differ.
+
+One such hit may be an error of tracking.  Hits like it in several trials are a cause that no effect of the library has:
+the verdict is `unexplained` then.  In the plane a release also counts as a hit away from the walls, so that it is not
+judged there.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from thesis_lib.critique.contacts.dynamics import Dynamics
+from thesis_lib.critique.drops.judgement import misfits
+from thesis_lib.critique.drops.settings import ElsewhereSettings
+from thesis_lib.critique.likelihood.channels import MEET, TOUCH
+from thesis_lib.critique.likelihood.fit import Fit
+from thesis_lib.critique.likelihood.in_space.episodes import ELSEWHERE, OFF_SURFACE
+from thesis_lib.critique.likelihood.observations import Observations
+from thesis_lib.datasets.impacts.found import Away
+from thesis_lib.statistics.spread import robust_std
+
+SHOWN = 5  # hits that are listed
+PUSHED = 0.5  # of a change of velocity that the final model must leave: what a camera bends is gone by then
+LEAST = 0.05  # m/s of it; a weaker push leaves no trace that matters
+
+
+@dataclass(frozen=True)
+class HitsElsewhere:
+    """Hits away from the surface.
+
+    Attributes:
+        trials: of how many trials; of: out of how many.
+        hits: trial and time in s since the first sample of the trial, by trial and time.
+    """
+
+    trials: int
+    of: int
+    hits: Sequence[tuple[int, float]]
+
+    def content(self) -> dict:
+        """For diagnosis.json."""
+        shown = [{"trial": trial, "t": t} for trial, t in self.hits[:SHOWN]]
+        return {"trials": self.trials, "of": self.of, "hits": len(self.hits), "first": shown, "unit": "s"}
+
+
+def hits_elsewhere(final: Fit, o: Observations, settings: ElsewhereSettings) -> HitsElsewhere | None:
+    """Hits away from the surface, if there are more than errors of tracking would make; else None."""
+    if o.space.is_plane or not o.arcs or not len(o):
+        return None
+    hits: list[tuple[int, float]] = []
+    if (away := o.found.away) is not None and len(away.before):
+        dynamics, out = final.on(o).dynamics, o.found.left_out
+        seen = away.after.velocity - away.before.velocity
+        pushed = np.linalg.norm(seen - _bent(dynamics, away), axis=0)
+        # the geometry that was believed, by which they were left out, and the camera's may be what is wrong
+        far = np.abs(dynamics.gap(dynamics.to_true(away.before))) > OFF_SURFACE * o.rig.shape.extent
+        far &= pushed > np.maximum(PUSHED * np.linalg.norm(seen, axis=0), LEAST)
+        last = dict(zip(o.trial.tolist(), o.impact.tolist()))  # rows are sorted by trial and time
+        number = out["impact"][out["reason"] == ELSEWHERE].to_numpy()
+        far &= number < [last.get(trial, -1) for trial in away.before.trial.tolist()]
+        hits += zip(away.before.trial[far].tolist(), away.before.t[far].tolist())
+        print(
+            np.c_[
+                away.before.trial,
+                dynamics.gap(dynamics.to_true(away.before)) * 1e3,
+                np.linalg.norm(seen, axis=0),
+                pushed,
+                far,
+                away.middle * 1e3,
+            ]
+            .round(2)
+            .tolist()
+        )
+    single, left = o.single, misfits(final, o)
+    touch, meet = TOUCH.in_sigmas(left), MEET.in_sigmas(left)
+    if touch is not None and meet is not None:
+        z = np.concatenate([touch, meet[o.span == 0.0]], axis=1)
+        z = z - np.median(z, axis=0)
+        far = (np.abs(z) > settings.sigmas * np.maximum(robust_std(z), 1.0)).any(axis=1)
+        hits += zip(single.trial[far].tolist(), single.t[far].tolist())
+    trials, of = len({trial for trial, _ in hits}), len(np.unique(o.trial))
+    few = trials < max(settings.trials, settings.share * of)
+    return None if few else HitsElsewhere(trials, of, sorted(hits))
+
+
+def _bent(dynamics: Dynamics, away: Away) -> np.ndarray:
+    """Change (3, n) of the velocity in m/s that a flight has which the model bends, where gravity alone is believed."""
+    before, after = (
+        dynamics.later(tau, away.before).velocity - dynamics.rig.fall(away.before)[:3] * tau for tau in away.middle.T
+    )
+    return after - before
