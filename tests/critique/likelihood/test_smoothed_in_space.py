@@ -8,6 +8,7 @@ import pytest
 
 from thesis_lib.critique.likelihood.in_space.hits import beside, observe_in_space
 from thesis_lib.simulate.tosses.drawn import NOTHING, SpaceCase, make
+from thesis_lib.simulate.tosses.drawn_in_worlds import WorldsCase
 from thesis_lib.simulate.tosses.example import simulate_tosses
 from thesis_lib.simulate.tosses.own import OwnTosses
 
@@ -48,6 +49,19 @@ def test_a_moving_average_lowers_free_fall_and_a_median_does_not(hidden):
     if not hidden:  # arcs under a wrong gravity end elsewhere the further away they start
         height, smooth = (np.median(o.rig.gap(beside(o, 0))) for o in (plain, mean))
         assert abs(smooth - height) < 0.2 * 0.5 * plain.rig.gravity * true
+
+
+@pytest.mark.slow
+def test_a_path_that_sways_with_hardly_any_noise_is_not_smoothed():
+    case = WorldsCase("own", NOTHING, 961)
+    with pytest.MonkeyPatch.context() as patch:
+        for name in ("irregular", "dropped", "bursts", "flips"):
+            patch.setitem(case.drawn, name, 0.0)
+        for name, value in {"filter": "none", "rate": 230.0, "position": 2e-5, "rotation": 1e-4, "tosses": 40}.items():
+            patch.setitem(case.drawn, name, value)
+        found = observe_in_space(make(case, OwnTosses()), episodes=False)
+    assert not found.found.warnings and found.found.low_pass is None
+    assert len(found) > 30  # of 40 tosses; 5 were left
 
 
 @pytest.mark.slow

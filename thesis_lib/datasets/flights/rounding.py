@@ -11,7 +11,9 @@ the impact, over the noise, averaged over those whose |τ| lies between two `EDG
     F = (median of (e·u)² / m_1) / (median of (‖e‖² − (e·u)²) / m_2),    m_k: median of chi² with k dof
 
 (upper quartiles in place of medians before impacts that nothing but a flight precedes: a median filter moves every
-other sample beside them)
+other sample beside them.  Where they move by less than `LEAST_MOVED` of Δv in a sampling interval, nothing is rounded:
+any filter moves the nearest sample further, and without noise a path sways that is tracked a tenth of a millimetre
+beside the centre of mass)
 
 is 1 without rounding, for noise of any size and colour that all channels share.  Acceleration in flight is in the
 parabola.  F above `MATERIAL` by `CLEAR` standard errors is rounding; the guard ends one pair after the last that has
@@ -44,6 +46,7 @@ ENOUGH = 30  # flights that have such samples
 # rounding of 0.7 sigma of a sample moves the velocity of a line through 25 by a fifth of its standard error
 MATERIAL = 1.5
 CLEAR = 3.0
+LEAST_MOVED = 0.04  # a mean over three samples moves the nearest one by 0.16, a pivot that is 0.1 mm off by 0.01
 _CONTACT = 1.5  # τ; contacts end before
 LONGEST = 5e-3  # s; a guard for longer contacts must be seen in the samples
 LEAST_SUNK, MOST_SUNK = 20, 400  # impacts that say how fast contacts let arcs sink
@@ -79,6 +82,7 @@ class Rounding:
     count: np.ndarray  # (g, 2) flights
     spread: float  # standard error of ln F times the root of the count
     seen: Seen
+    moved: float  # of the nearest samples before impacts along Δv, over Δv times the sampling interval
 
     @property
     def sides(self) -> np.ndarray:
@@ -91,6 +95,8 @@ class Rounding:
     def reach(self) -> float:
         """Time from an impact in s within which samples of either side are rounded, or of both; 0 if none are."""
         if self.seen == "before":  # a flight that sways is rounded in places; a filter rounds from the hit on
+            if not self.moved > LEAST_MOVED:
+                return 0.0
             few = self.count[:, 0] < ENOUGH
             groups = np.flatnonzero(np.cumprod(few | self.sides[:, 0]) * ~few)
         else:
@@ -171,6 +177,7 @@ def rounding_within(
     (usual, spread), (usual_across, spread_across) = _of_chi2(share, 1), _of_chi2(share, dof)
     edges = EDGES[reach >= EDGES] * interval
     ratio, count = np.full((len(edges) - 1, 2), np.nan), np.zeros((len(edges) - 1, 2))
+    moved = np.nan
     for g, (low, high) in enumerate(itertools.pairwise(edges)):
         here = near & ((np.abs(tau) >= low) & (np.abs(tau) < high))[:, None]
         for side in (0, 1):
@@ -181,9 +188,12 @@ def rounding_within(
                 continue
             mean = np.einsum("nw,nwc->nc", here[rows, side], e[rows, side]) / number[rows, None]
             along = (mean * u[rows]).sum(1) ** 2
+            if side == 0 and np.isnan(moved):
+                step = ((kinks.dv[rows] / sigma) ** 2).sum(1) * interval**2
+                moved = float(np.sqrt(np.quantile(along / step, share)))
             across = np.quantile((mean**2).sum(1) - along, share) / usual_across
             ratio[g, side] = np.quantile(along, share) / usual / max(across, _EXACT)
-    return Rounding(edges, ratio, count, float(np.hypot(spread, spread_across)), seen)
+    return Rounding(edges, ratio, count, float(np.hypot(spread, spread_across)), seen, moved)
 
 
 def _of_chi2(share: float, dof: int) -> tuple[float, float]:
