@@ -68,18 +68,6 @@ def hits_elsewhere(final: Fit, o: Observations, settings: ElsewhereSettings) -> 
         number = out["impact"][out["reason"] == ELSEWHERE].to_numpy()
         far &= number < [last.get(trial, -1) for trial in away.before.trial.tolist()]
         hits += zip(away.before.trial[far].tolist(), away.before.t[far].tolist())
-        print(
-            np.c_[
-                away.before.trial,
-                dynamics.gap(dynamics.to_true(away.before)) * 1e3,
-                np.linalg.norm(seen, axis=0),
-                pushed,
-                far,
-                away.middle * 1e3,
-            ]
-            .round(2)
-            .tolist()
-        )
     single, left = o.single, misfits(final, o)
     touch, meet = TOUCH.in_sigmas(left), MEET.in_sigmas(left)
     if touch is not None and meet is not None:
