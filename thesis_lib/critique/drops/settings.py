@@ -32,9 +32,10 @@ class ElsewhereSettings(Section):
     """When hits away from the surface are more than errors of tracking (`elsewhere`)."""
 
     sigmas: float = Field(
-        10.0,
+        20.0,
         gt=0,
-        description="sigmas of noise, and of the spread of all hits, by which a single hit is off the surface",
+        description="sigmas of noise, and of the spread of all hits, by which a single hit is off the surface; where "
+        "nothing else is hit, the gaps of two of some 7,800 single hits are",
     )
     trials: int = Field(3, ge=1, description="fewest trials with such a hit that count")
     share: float = Field(0.02, ge=0, le=1, description="least share of the trials that counts")
