@@ -2,21 +2,23 @@
 
 from dataclasses import replace
 from functools import cache
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from thesis_lib.bodies.solids import Box
-from thesis_lib.critique.drops.criticise import fit_model
-from thesis_lib.critique.drops.elsewhere import hits_elsewhere
+from thesis_lib.critique.drops.criticise import DropsCritique, fit_model
+from thesis_lib.critique.drops.elsewhere import HitsElsewhere, hits_elsewhere
 from thesis_lib.critique.drops.settings import ElsewhereSettings
+from thesis_lib.critique.results.summary import struck_elsewhere
+from thesis_lib.critique.selection.discovery import Discovery
 from thesis_lib.datasets.format.header import SpaceHeader
 from thesis_lib.simulate.mujoco.outside import HAND
 from thesis_lib.simulate.mujoco.tosses import MujocoTosses
 from thesis_lib.simulate.tosses.camera import CameraInSpace, film
 from thesis_lib.simulate.tosses.world import TossedWorld
 
-pytestmark = pytest.mark.slow
 TOSSES = 30
 
 
@@ -33,11 +35,13 @@ def found(*hidden):
     return o, lambda o=o, **settings: hits_elsewhere(fitted, o, ElsewhereSettings(**settings))
 
 
+@pytest.mark.slow
 def test_nothing_else_is_hit_where_nothing_is_hidden():
     _, elsewhere = found()
     assert elsewhere() is None and elsewhere(trials=1) is None
 
 
+@pytest.mark.slow
 def test_a_hand_in_flight_is_found_in_the_trials_that_it_touched():
     _, elsewhere = found(("hand.push", 15.0), ("hand.share", 0.4))
     hand = elsewhere()
@@ -46,6 +50,7 @@ def test_a_hand_in_flight_is_found_in_the_trials_that_it_touched():
     assert elsewhere(share=0.9) is elsewhere(trials=TOSSES) is None  # as few may be errors of tracking
 
 
+@pytest.mark.slow
 def test_hits_above_the_surface_are_found_though_the_law_fits_all_others():
     o, elsewhere = found()
     single = np.flatnonzero(o.span == 0.0)
@@ -54,3 +59,19 @@ def test_hits_above_the_surface_are_found_though_the_law_fits_all_others():
     value[hit, :, 2] += 0.01  # height, as on another object of 10 mm
     raised = elsewhere(replace(o, value=value), trials=1)
     assert set(raised.hits) == set(zip(o.trial[hit].tolist(), o.t[hit].tolist()))
+
+
+@pytest.mark.parametrize("found, verdict", [(None, "adequate"), (HitsElsewhere(3, 9, [(1, 0.2)]), "unexplained")])
+def test_hits_elsewhere_decide_the_verdict_of_a_model_that_leaves_nothing_else(found, verdict):
+    discovery = Discovery({}, "mirtich", (), None, None, None, {})
+    observed = SimpleNamespace(found=SimpleNamespace(down=None))
+    critique = SimpleNamespace(
+        stand_ins={}, discovery=discovery, observations=observed, elsewhere=found, is_structured=False
+    )
+    assert DropsCritique.verdict.fget(critique) == verdict
+
+
+def test_the_first_hits_are_listed_and_the_others_counted():
+    hits = [(trial, 0.1 * trial) for trial in range(8)]
+    said = struck_elsewhere(HitsElsewhere(8, 20, hits).content())
+    assert "In 8 of 20 trials" in said and "trial 4 at 0.400 s and 3 more" in said and "trial 5" not in said
