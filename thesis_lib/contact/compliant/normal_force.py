@@ -58,6 +58,7 @@ from thesis_lib.contact.compliant.compiled import (
     SPEED,
     pushes,
 )
+from thesis_lib.contact.watched_slide import share_of_slide
 
 LEAST = 1e-6  # D of a hysteresis: of the work that a plastic contact returns, so that its unloading has a slope
 LOSSES = np.concatenate([[0.0], np.geomspace(1e-3, 30.0, 300)])  # D of the table; ε is below 0.05 at the last
@@ -115,10 +116,17 @@ class NormalForce:
         power = 1.0 / (self.exponent + 1.0)
         return float(self._depth * np.sqrt(np.pi) * gamma(1.0 + power) / gamma(0.5 + power))
 
-    def along(self, slip: np.ndarray, lost: np.ndarray) -> np.ndarray:
-        """Direction and share of its limit (2, n) of the friction against slips (2, n) in m/s that are watched while
-        they lose `lost` (n,) in m/s."""
-        return slip / np.maximum(np.hypot(*slip), 1e-9)
+    def sliding(
+        self, slip: np.ndarray, limit: np.ndarray, pull: np.ndarray, span: np.ndarray | float = 0.0
+    ) -> np.ndarray:
+        """Acceleration (2, n) in m/s² along the surface as parabolas over `span` (n,) in s see it.
+
+        `slip` (2, n) in m/s is that in the middle of them.  Friction is at most `limit` (n,), and all else accelerates
+        the body by `pull` (2, n), both in m/s².
+        """
+        a = pull - limit * slip / np.maximum(np.hypot(*slip), 1e-9)
+        stops = limit > np.hypot(*pull)  # on a steeper surface nothing comes to rest
+        return a * np.where(stops, share_of_slide(np.hypot(*slip), np.hypot(*a), span), 1.0)
 
     # --- of impacts ---
 
@@ -225,8 +233,15 @@ class PyramidDamper(ConvexDamper):
 
     kind: ClassVar[int] = PYRAMID
 
-    def along(self, slip, lost):
-        # all friction is on the edge of the larger component until both are equal, and then shared
-        size = np.abs(slip)
-        share = 0.5 + np.clip((size[0] - size[1]) / np.maximum(lost, 1e-9), -0.5, 0.5)
-        return np.sign(slip) * np.stack([share, 1.0 - share])
+    def sliding(self, slip, limit, pull, span=0.0):
+        # all friction is on the edge of the larger component until both are equal, and then shared so that they stay
+        # so: their sum and their difference fall evenly, each until it is 0
+        sign = np.where(slip < 0.0, -1.0, 1.0)
+        (first, second), (gained, other) = sign * slip, sign * pull
+        ahead = np.where(first < second, -1.0, 1.0)
+        falls = limit - gained - other, limit - ahead * (gained - other)
+        total, apart = (
+            -fall * share_of_slide(size, fall, span)
+            for size, fall in zip((first + second, np.abs(first - second)), falls)
+        )
+        return 0.5 * sign * np.stack([total + ahead * apart, total - ahead * apart])

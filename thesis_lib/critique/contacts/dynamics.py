@@ -26,7 +26,6 @@ import numpy as np
 from numpy.polynomial.legendre import leggauss, legint, legval, legvander
 
 from thesis_lib.contact.compliant.normal_force import NormalForce
-from thesis_lib.critique.contacts.carried import share_of_slide
 from thesis_lib.critique.contacts.contact_time import TURNED, normal_mobility
 from thesis_lib.critique.contacts.model import Model
 from thesis_lib.effects.effect import Effect, Impulse, Rig
@@ -327,11 +326,8 @@ class Dynamics:
             a_t, a_n = self.true_acceleration(true)[:, :2].T
             return a_t - mu * np.maximum(-a_n, 0.0) * np.sign(at.v_t)
         *along, a_n = self.true_acceleration(true)[:, :3].T
-        along, slip, held = np.stack(along), np.stack(at.v[:2]), mu * np.maximum(-a_n, 0.0)
-        a = along - held * (self.model.law.force or NormalForce()).along(slip, held * span)
-        stops = held > np.linalg.norm(along, axis=0)  # on a steeper surface nothing comes to rest
-        share = share_of_slide(np.linalg.norm(slip, axis=0), np.linalg.norm(a, axis=0), span)
-        return a * np.where(stops, share, 1.0)
+        force = self.model.law.force or NormalForce()
+        return force.sliding(np.stack(at.v[:2]), mu * np.maximum(-a_n, 0.0), np.stack(along), span)
 
     def flown(self, true: State, h: np.ndarray) -> State:
         """The states after times h (n,) in s of flight."""

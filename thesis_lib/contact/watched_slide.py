@@ -1,12 +1,14 @@
-"""Slides that end while they are watched: the body then moves with the surface, at rest or carried along.
+"""Slips that end while they are watched, as of a body that then moves with the surface, at rest or carried along.
 
-A parabola is fitted to the place over a time T.  A body that slows down by D and stops against the surface at t_s < T
-has against the surface, with s = 2 t/T − 1 and z = 2 t_s/T − 1,
+A parabola is fitted to the place over a time T.  A slip that falls by D and is 0 from t_s < T on has, with s = 2 t/T − 1
+and z = 2 t_s/T − 1,
 
     speed in the middle  v = (3/8) D T I_1,    I_1 = ∫ (z − s)(1 − s²) ds      from −1 to z          (1)
     acceleration         a = (15/4) D I_2,     I_2 = ∫ (z − s)(s − s³) ds,
 
-the coefficients of Legendre's polynomials of its path.  One that stops at T or later has v ≥ D T/2 and a = −D.
+the coefficients of Legendre's polynomials of its path.  One that ends at T or later has v ≥ D T/2 and a = −D.
+
+On a friction pyramid the difference of both components of the slip falls so, too, and friction is then shared.
 """
 
 import numpy as np
@@ -18,11 +20,11 @@ _I_2 = -(_W**3) / 3.0 + _W**4 / 4.0 - _W**5 / 20.0
 
 
 def share_of_slide(speed: np.ndarray, slowing: np.ndarray, span: np.ndarray | float) -> np.ndarray:
-    """−a/D (n,) by which a parabola sees bodies slow down, 1 if they slide throughout and 0 if they are carried along.
+    """−a/D (n,) by which a parabola sees slips fall, 1 if they last throughout and 0 if there is none.
 
     Args:
-        speed: (n,) m/s against the surface, in the middle of the parabola.
-        slowing: (n,) m/s², D while they slide.
+        speed: (n,) m/s, the slip in the middle of the parabola.
+        slowing: (n,) m/s², D while it lasts.
         span: (n,) s, T.
     """
     lost = slowing * span
