@@ -1,7 +1,7 @@
 """Slips that end while they are watched, as of a body that then moves with the surface, at rest or carried along.
 
-A parabola is fitted to the place over a time T.  A slip that falls by D and is 0 from t_s < T on has, with s = 2 t/T − 1
-and z = 2 t_s/T − 1,
+A parabola is fitted to the place over a time T.  A slip that falls by D and is 0 from t_s < T on has, with
+s = 2 t/T − 1 and z = 2 t_s/T − 1,
 
     speed in the middle  v = (3/8) D T I_1,    I_1 = ∫ (z − s)(1 − s²) ds      from −1 to z          (1)
     acceleration         a = (15/4) D I_2,     I_2 = ∫ (z − s)(s − s³) ds,
