@@ -8,6 +8,7 @@ from thesis_lib.bodies.solids import Box, Capsule, Cylinder, Ellipsoid, Hull, Sp
 from thesis_lib.contact import mirtich
 from thesis_lib.critique.contacts import pressing
 from thesis_lib.critique.contacts.bases import BASES
+from thesis_lib.critique.contacts.episodes import play
 from thesis_lib.critique.contacts.kinds import bind
 from thesis_lib.critique.contacts.model import Model
 from thesis_lib.critique.contacts.pressing import press
@@ -283,3 +284,37 @@ def test_a_body_that_slides_on_a_pyramid_down_a_slope_keeps_equal_components_equ
         half_a, middle, _ = np.polyfit(t - t.mean(), path, 2)
         expected = force.sliding(middle[:, None], np.array([limit]), pull[:, None], t[-1])[:, 0]
         np.testing.assert_allclose(2.0 * half_a, expected, atol=0.03 * limit)
+
+
+def test_a_box_that_turns_over_an_edge_moves_the_same_where_its_contact_is_cut(monkeypatch):
+    rng, n = np.random.default_rng(1), 100
+    lean, zero = rng.uniform(0.1, 0.5, n), np.zeros(n)
+    attitude = of_rotation_vector(np.stack([zero, lean, 0.02 * rng.standard_normal(n)]))
+    place = np.concatenate([np.zeros((2, n)), -BOX.lowest(attitude)[2:], attitude])
+    motion = [0.2 * rng.standard_normal(n), zero, rng.uniform(-0.8, -0.3, n), zero, rng.uniform(2.0, 8.0, n), zero]
+    states = State(place, np.stack(motion), np.arange(n), zero, None, SPACE)
+    model, ends = in_space(BOX, "damped_contact", mu=0.6, epsilon=0.1, tau=1e-4), []
+    for cut in (pressing.CUT, np.inf):
+        monkeypatch.setattr(pressing, "CUT", cut)
+        ends.append(play(model, states, np.full(n, 0.03)))
+    (cut, whole), off = ends, SPACE.difference(ends[0].after.pose, ends[1].after.pose)
+    assert (cut.hits > whole.hits).mean() > 0.5
+    assert np.median(np.linalg.norm(cut.after.velocity - whole.after.velocity, axis=0)) < 1e-4
+    assert np.median(np.abs(off), axis=1).max() < 1e-4
+
+
+def test_a_contact_that_a_fit_cannot_integrate_stops_the_body(monkeypatch):
+    integrate = pressing.compiled_in_space.integrate
+
+    def spoilt(*args):
+        shift, turn, velocity, *others = integrate(*args)
+        velocity[:, 0], turn[:, 1], velocity[:, 1] = np.nan, np.nan, 1e6
+        return shift, turn, velocity, *others
+
+    model, states = in_space(BOX, "damped_contact"), tossed(BOX, 10)
+    whole, _ = press(model, states)
+    monkeypatch.setattr(pressing.compiled_in_space, "integrate", spoilt)
+    after, _ = press(model, states)
+    np.testing.assert_allclose(after.v[:2], 0.0)
+    np.testing.assert_allclose(after.pose[:, :2], states.pose[:, :2])
+    np.testing.assert_array_equal(after.v[2:], whole.v[2:])

@@ -49,6 +49,8 @@ SHORTEST = 1e-6  # s; no camera tells it from an instant
 INSTANT = 1e-6  # s, for the acceleration as a difference quotient
 SHALLOW = 1e-4  # m, depth at which a pressure field is compared with a spring
 LONGEST = 4  # central contacts; a body that presses longer rests
+GAIN = 30.0  # of speed; no contact gains so much, but steps do that are too long for the damping that a fit tries
+CUT = 32  # central contacts beyond, of a body in space that turns over an edge, say: it then hits once more
 MIDDLE = 0.5  # of the overlap: there simulators put the force of a convex contact
 SPRING = NormalForce()  # of laws without a force
 
@@ -140,8 +142,8 @@ def press(
 ) -> tuple[State, np.ndarray]:
     """True states (n,) after the corners have pressed, from true states at first touch, and the time (n,) in s.
 
-    A contact that is not over `LONGEST` central ones after the time `left` (n,) in s ends there.  `integrated` replaces
-    our own integration.
+    A contact that is not over `LONGEST` central ones after the time `left` (n,) in s ends there, in space at most `CUT`
+    later than without that time.  `integrated` replaces our own integration.
     """
     model, rig, space = dynamics.model, dynamics.rig, true.space
     force = model.law.force or SPRING
@@ -159,7 +161,8 @@ def press(
     frame = seen.select(np.arange(n))
     central = force.duration(as_fitted[:n]) * points[3].min(axis=0) / SPEED
     falling = _acceleration(dynamics, true)
-    steps = central / STEPS, np.ceil((LONGEST + left / central) * STEPS).astype(int)
+    lasting = left / central if space.is_plane else np.minimum(left / central, CUT)
+    steps = central / STEPS, np.ceil((LONGEST + lasting) * STEPS).astype(int)
     integrated = integrated or (_in_plane if space.is_plane else _in_space)
     pressed = integrated(Touching(at_corners, tiled, frame, at, points, falling, tau, *steps))
     added = _added(others.on(rig), pressed, seen, at.with_coefficients(mu, epsilon))
@@ -244,6 +247,13 @@ def _in_space(touching: Touching) -> Pressed:
         touching.step,
         touching.most,
     )
+    k = at_corners.rig.k_g
+    before = np.linalg.norm(np.concatenate([frame.velocity, k * frame.spin]), axis=0)
+    after = np.linalg.norm(np.concatenate([velocity, k * spin]), axis=0)
+    lost = ~(after <= GAIN * np.maximum(before, 1.0))
+    if lost.any():  # not numbers, or absurd ones: such a body stops where it touched
+        shift[:, lost], velocity[:, lost], spin[:, lost], c[:, :, lost] = 0.0, 0.0, 0.0, 0.0
+        turn[:, lost] = np.array([[1.0], [0.0], [0.0], [0.0]])
     return Pressed(np.concatenate([shift, rotation_vector(turn)]).T, np.concatenate([velocity, spin]).T, elapsed, c)
 
 
