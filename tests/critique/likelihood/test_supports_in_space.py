@@ -22,10 +22,11 @@ MU, SLIDES = 0.2, 0.35  # of impacts, and while supported
 LAW = LAWS["anitescu_potra_newton"]
 
 
-def recorded(rng, deceleration=0.0, turned=(0.0, 0.0, 0.0), higher=0.0, spin=0.0, slope=0.0, stops=False):
+def recorded(rng, deceleration=0.0, turned=(0.0, 0.0, 0.0), higher=0.0, spin=0.0, slope=0.0, stops=False, hops=0.0):
     """A box on each of its sides, at rest or sliding, as a camera records it that turns its axes by `turned` (rad).
 
-    While sliding it spins about the normal by `spin` (rad/s), and it rises by `slope` along its way.
+    While sliding it spins about the normal by `spin` (rad/s), and it rises by `slope` along its way.  At first it still
+    hops, by `hops` (m).
     """
     symmetry, t = Symmetry(BOX, G), np.arange(SAMPLES) / RATE
     parts = []
@@ -42,6 +43,7 @@ def recorded(rng, deceleration=0.0, turned=(0.0, 0.0, 0.0), higher=0.0, spin=0.0
         slid = np.minimum(t, speed / deceleration) if stops else t
         path = (speed * slid - 0.5 * deceleration * slid**2) * np.array([[np.cos(angle)], [np.sin(angle)]])
         heights = height + slope * np.linalg.norm(path, axis=0)
+        heights = heights + hops * np.abs(np.sin(300.0 * t)) * np.exp(-40.0 * t)
         place = np.concatenate([path + rng.uniform(-0.1, 0.1, (2, 1)), heights[None]])
         turns = of_rotation_vector(np.stack([0.0 * t, 0.0 * t, spin * t]))
         parts.append(np.concatenate([place, multiplied(turns, np.repeat(attitude, SAMPLES, axis=1))]))
@@ -75,6 +77,13 @@ def test_a_surface_at_another_height_shows_in_the_gap_alone(rng):
     assert gap == pytest.approx(1e-3, abs=5e-5) and np.abs(leans).max() < 1e-3
     z = whitened(rests, bound("surface_height", **{"surface_height.h": 1e-3}))
     assert robust_std(z)[0] < 1.3
+
+
+def test_a_body_that_still_hops_by_less_than_noise_lies_on_the_surface(rng):
+    (rests,) = recorded(rng, hops=NOISE[0])
+    assert len(rests) == TRIALS
+    gap = rests.residuals(bound())[:, 0]
+    assert gap.mean() == pytest.approx(0.0, abs=3.0 * NOISE[0] / np.sqrt(TRIALS * SAMPLES / 2))
 
 
 def test_an_attitude_that_is_off_shows_on_every_side(rng):

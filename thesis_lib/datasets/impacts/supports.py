@@ -107,7 +107,9 @@ def resting_and_sliding(
     sigma, highest = np.repeat(noise, 3), HIGHEST * symmetry.solid.extent
     still = resting(samples, sigma, range(6))
     moving = resting(samples, sigma, (2, 3, 4), drifts=True) & ~still
-    rests = _rests_in_space(states, samples, *_first_rests(samples, still, hits), symmetry, sigma)
+    first, end = _first_rests(samples, still, hits)
+    # a body that has come to rest may still hop, by less than noise shows in single samples: the latter half counts
+    rests = _rests_in_space(states, samples, end - (end - first) // 2, end, symmetry, sigma)
     found = _slides(samples, moving, hits, sigma, 2, STEADY, symmetry.solid.extent)
     if found is None:
         return rests, None
