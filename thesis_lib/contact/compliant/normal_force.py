@@ -58,7 +58,7 @@ from thesis_lib.contact.compliant.compiled import (
     SPEED,
     pushes,
 )
-from thesis_lib.contact.watched_slide import share_of_slide
+from thesis_lib.contact.compliant.watched_slide import share_of_slide
 
 LEAST = 1e-6  # D of a hysteresis: of the work that a plastic contact returns, so that its unloading has a slope
 LOSSES = np.concatenate([[0.0], np.geomspace(1e-3, 30.0, 300)])  # D of the table; ε is below 0.05 at the last

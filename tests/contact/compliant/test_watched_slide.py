@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from thesis_lib.contact.watched_slide import share_of_slide
+from thesis_lib.contact.compliant.watched_slide import share_of_slide
 
 
 @pytest.mark.parametrize("stops", [0.05, 0.2, 0.5, 0.9, 1.0, 1.4])  # of the time watched
