@@ -12,7 +12,7 @@ from tosses import simulate_tosses
 from thesis_lib.bodies.solids import Box, Sphere, contact_kind
 from thesis_lib.critique.likelihood.in_space import episodes
 from thesis_lib.critique.likelihood.in_space.hits import beside, jump, observe_in_space
-from thesis_lib.critique.likelihood.in_space.left_out import has_another_hit, off_free_motion
+from thesis_lib.critique.likelihood.in_space.left_out import has_another_hit, hops_unseen, off_free_motion
 from thesis_lib.datasets import dataset_of
 from thesis_lib.datasets.checks.jumps import out_and_back
 from thesis_lib.datasets.flights.beside_hits import fit_windows
@@ -241,6 +241,21 @@ def test_a_body_that_leaves_the_surface_late_has_hit_more_than_once(shape, monke
     assert len(late) > 5 and moved[late].all()
     others = np.setdiff1d(np.flatnonzero(~several), late)
     assert moved[others].mean() < 0.1
+
+
+@pytest.mark.parametrize("share", [0.0, 0.2])
+def test_hops_where_samples_are_rounded_let_arcs_meet_deep_below_the_surface(share):
+    rng, n, guard = np.random.default_rng(3), 150, 0.025
+    normal = rng.standard_normal((3, n))
+    normal /= np.linalg.norm(normal, axis=0)
+    shape = np.concatenate([np.ones((2, n)), normal, np.abs(normal)]).T
+    sunk = shape[:, 5:] @ [3e-3, -2e-3, 1e-3] + 2e-4 * rng.standard_normal(n)  # a box of another size
+    speeds = np.stack([rng.uniform(0.2, 2.0, n), rng.uniform(0.2, 1.0, n)], axis=1)
+    hopped, lasts = rng.uniform(size=n) < share, rng.uniform(0.4 * guard, 2.0 * guard, n)
+    speeds[hopped] = rng.uniform(0.3, 0.5, (hopped.sum(), 2))  # hops this short are of slow bodies
+    sunk += np.where(hopped, lasts / (1.0 / speeds).sum(axis=1), 0.0)
+    assert np.array_equal(hops_unseen(sunk, speeds, shape, guard), hopped)
+    assert not hops_unseen(sunk[:5], speeds[:5], shape[:5], guard).any()  # nobody knows what the shape does
 
 
 @pytest.mark.slow

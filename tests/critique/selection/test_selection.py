@@ -208,33 +208,52 @@ def test_a_base_of_the_reserve_that_leaves_no_error_is_taken_before_any_effect_i
         assert said[0] == first and discovery.steps == ()
 
 
-def test_a_base_of_the_reserve_and_an_effect_that_only_help_together_are_found(monkeypatch):
-    class Together(WithReserve):
-        """A wave that shows on the bend alone, which is of no use without it."""
+class Together(WithReserve):
+    """A wave that shows on one base of the reserve alone, which is of no use without it."""
 
-        asks_reserve_first = True
+    asks_reserve_first, shows = True, "bend"
 
-        def leaves_an_error(self, judged):
-            return judged.z @ judged.z > 1.3 * len(judged.z)
+    def leaves_an_error(self, judged):
+        return judged.z @ judged.z > 1.3 * len(judged.z)
 
-        def part(self, trials):
-            rows = np.isin(self.trial, trials)
-            return type(self)(self.trial[rows], self.x[rows], self.y[rows])
+    def part(self, trials):
+        rows = np.isin(self.trial, trials)
+        return type(self)(self.trial[rows], self.x[rows], self.y[rows])
 
-        def columns(self, effects, base="line"):
-            plain = super().columns(effects, base)
-            shown = [float(base == "bend" or e.name != "wave") for e in effects]
-            return plain * np.array([1.0] * (plain.shape[1] - len(effects)) + shown)
+    def columns(self, effects, base="line"):
+        plain = super().columns(effects, "line" if base == "line" else "bend")
+        shown = [float(base == self.shows or e.name != "wave") for e in effects]
+        return plain * np.array([1.0] * (plain.shape[1] - len(effects)) + shown)
 
+    def reserve_fits(self, fitted, refine=False):
+        return [self.fit(base, fitted.effects) for base in self.reserve]
+
+
+class OnAnother(Together):
+    """The same, where another base is as good without the wave."""
+
+    reserve, shows = ("bend", "hinge"), "hinge"
+
+
+class OnLine(Together):
+    asks_reserve_first = False
+
+
+@pytest.mark.parametrize(
+    ("kind", "bend", "size", "expected"),
+    [
+        (Together, 0.0, 3.0 * SIZE, (["wave"], "bend")),
+        (Together, 0.0, 0.0, ([], "line")),
+        (OnAnother, 0.1, 3.0 * SIZE, (["wave"], "hinge")),
+        (OnLine, 0.0, 3.0 * SIZE, ([], "line")),
+    ],
+)
+def test_a_base_of_the_reserve_and_an_effect_that_only_help_together_are_found(monkeypatch, kind, bend, size, expected):
     monkeypatch.delitem(SHAPES, "twin_of_wave")
     monkeypatch.setitem(SHAPES, "wave", lambda x: np.sin(40.0 * x))  # a bend looks like none of it
-    for size, expected in ((3.0 * SIZE, (["wave"], "bend")), (0.0, ([], "line"))):
-        world = line(0, wave=size)
-        discovery = found(Together(world.trial, world.x, world.y))
-        assert ([step.effect.name for step in discovery.steps], discovery.fitted.base) == expected
-    Together.asks_reserve_first = False
-    world = line(0, wave=3.0 * SIZE)
-    assert found(Together(world.trial, world.x, world.y)).fitted.base == "line"
+    world = with_reserve(0, bend, wave=size)
+    discovery = found(kind(world.trial, world.x, world.y))
+    assert ([step.effect.name for step in discovery.steps], discovery.fitted.base) == expected
 
 
 def test_an_effect_that_stood_in_for_a_base_leaves_when_the_base_is_taken():

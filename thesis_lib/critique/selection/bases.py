@@ -7,8 +7,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Generic
 
-from thesis_lib.critique.selection.discovery import Step
+from thesis_lib.critique.selection.discovery import Shortlist, Step
 from thesis_lib.critique.selection.evidence import Evidence
+from thesis_lib.critique.selection.scan import Scan
 from thesis_lib.critique.selection.world import E, F, J
 
 
@@ -108,12 +109,36 @@ class Bases(Generic[E, F, J]):
                 judged = self.evidence.judge(near)
                 if self.evidence.failure(other[1], judged, other[0].effects[-1]):
                     other = self.in_full(near), judged
-        fitted, effect = other[0], other[0].effects[-1]
+        return self._as_step(*other, before, reserve, gains, step.scan)
+
+    def together(self, shortlist: Shortlist[F], fitted: F, judged: J) -> Step[E, F, J] | None:
+        """A step to an effect and a base of the reserve that leave no error, where none enters by itself.
+
+        Without the effect no base may be better than another one, and with the wrong base no effect: of a body with
+        many corners, say, whose contacts only the right law resolves.
+        """
+        world, names = self.world, list(shortlist.quick)[: self.settings.runners_up]
+        reserve = [fit for name in names for fit in world.reserve_fits(shortlist.quick[name])]
+        if not reserve:
+            return None
+        best = max(reserve, key=lambda fit: fit.score)
+        best = world.fit(best.base, best.effects, best.values, "near")
+        if best.score - fitted.score < self.settings.tell_apart:
+            return None
+        found = self.evidence.judge(best)
+        if world.leaves_an_error(found) or self.evidence.failure(found, judged, best.effects[-1]):
+            return None
+        gains = {best.effects[-1].name: best.score - fitted.score}
+        step = self._as_step(self.in_full(best), found, judged, reserve, gains, shortlist.tests)
+        return step if step.gain[1] > 0.0 and step.p_value <= self.settings.alpha else None
+
+    def _as_step(
+        self, fitted: F, judged: J, before: J, reserve: Sequence[F], gains: Mapping[str, float], tests: Scan
+    ) -> Step[E, F, J]:
+        """The step to a model whose last effect was chosen among fits of the reserve."""
+        effect = fitted.effects[-1]
         scores = {fit.effects[-1].name: fit.score for fit in reserve if fit.base == fitted.base}
         least = scores.pop(effect.name) - self.settings.tell_apart
         others = tuple(name for name, score in scores.items() if score > least)
-        gain = self.evidence.gain(other[1], before, "gain", *(e.name for e in other[0].effects))
-        p_value = step.scan.p_value(gains[effect.name])
-        return replace(
-            step, effect=effect, alternatives=others, p_value=p_value, gain=gain, fitted=other[0], judged=other[1]
-        )
+        gain = self.evidence.gain(judged, before, "gain", *(e.name for e in fitted.effects))
+        return Step(effect, others, None, tests.p_value(gains[effect.name]), gain, fitted, judged, tests)

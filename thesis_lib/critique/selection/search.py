@@ -12,9 +12,10 @@
 5. Where a model leaves an error, a base of the reserve takes the place of its base if it predicts clearly better than
    the next effect would.  In space one that leaves no error is taken before any effect is tried.  Where quick fits say
    that it gains far more than any effect, no effect is judged before it.  Where a step leaves an error, the next best
-   effects are tried with these bases, too.  If an error is left in the end, and few effects were found on the reserve,
-   the search goes on without it from where it was taken; in space, where none of it was taken, from the end with the
-   best of it, as base and effect may only help together.  The better of the two ends counts.
+   effects are tried with these bases, too; in space also where none enters, and such a step must leave no error.  If
+   an error is left in the end, and few effects were found on the reserve, the search goes on without it from where it
+   was taken; in space, where none of it was taken, from the end with the best of it, as base and effect may only help
+   together.  The better of the two ends counts.
 6. Effects that were found on a simpler base are fitted once more on the reserve, and stay there if it predicts better.
 """
 
@@ -128,6 +129,13 @@ class Search(Generic[E, F, J]):
             other: tuple[F, J] | None = bases.far_better(reserve, quick, contenders, judged)
             if other is None:
                 step, path.below, path.unasked = self.best_step(fitted, judged, shortlist)
+                asks = step is None and leaves and world.asks_reserve_first
+                if joint := bases.together(shortlist, fitted, judged) if asks else None:
+                    path.remember(None, shortlist)
+                    self.say(f"step {number}: {joint.effect.name}, together with the base")
+                    path.steps, path.entered = [*path.steps, joint], path.entered + 1
+                    self.on_other_base(path, (joint.fitted, joint.judged))
+                    continue
                 path.ended, path.entered = step is None, path.entered + (step is not None)
                 if reserve and (step is None or world.leaves_an_error(step.judged)):
                     rival = step.fitted if step else fitted

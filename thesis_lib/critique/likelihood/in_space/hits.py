@@ -29,6 +29,7 @@ from thesis_lib.critique.likelihood.in_space.left_out import (
     LATE,
     REST,
     has_another_hit,
+    hops_unseen,
     lag_of_attitudes,
     lag_warning,
     off_free_motion,
@@ -166,6 +167,12 @@ def observe_in_space(
     unpushed = push < SURE * of_push
     for which, why in ((elsewhere, ELSEWHERE), (leaves, "no_approach"), (unpushed, "no_push")):
         reason[rows[which & (reason[rows] == "")]] = why
+    if rounded:
+        alone = np.flatnonzero(reason[rows] == "")
+        met = first.select(alone)
+        speeds = np.stack([-contact_velocity(met, rig)[2], contact_velocity(second.select(alone), rig)[2]], axis=1)
+        hopped = hops_unseen(-off_by[alone], speeds, _of_shape(met, rig), settings.guard)
+        reason[rows[alone[hopped]]] = "second_hit"
     if isinstance(header.body.solid, Sphere):
         bounces = np.flatnonzero(reason[rows] == "")
         speeds = np.stack([-first.velocity[2], second.velocity[2]], axis=1)[bounces]

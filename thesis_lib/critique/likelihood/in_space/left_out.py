@@ -1,6 +1,7 @@
 """Evidence that a hit does not stand alone between two free flights.
 
-Another hit in the window, attitudes that come later than places, and balls that only seem to bounce.
+Another hit in the window, hops where samples are rounded, attitudes that come later than places, and balls that only
+seem to bounce.
 """
 
 import numpy as np
@@ -22,6 +23,7 @@ CHANCE = 1e-3  # of χ² of a hit that is as clean as those
 UNSEEN, UNKNOWN_GRAVITY = 0.1, 1.0  # m and m/s², one sigma of what all hits share before they are seen
 ODD, ROUNDS = 3.0, 5  # misfits of a clean hit, from which on one has no say in that; fits of it
 LATE, REST = 1e-3, 3e-4  # s; arcs that air or a tilt bends meet some 0.2 ms beside the hit
+DEEP, UNSEEN_HOP = 5.0, 0.25  # robust standard deviations, and share of the guard, by which a body has hopped unseen
 RISE = 0.15  # m/s between hits of a ball; a wrong centre of mass moves speeds by some 0.05 m/s
 
 
@@ -116,6 +118,24 @@ def has_another_hit(off: np.ndarray, dof: np.ndarray) -> tuple[np.ndarray, np.nd
     slack = np.clip(np.quantile(off / dof, CLEAN, axis=0) / grown, 1.0, SLACK)
     off, dof = off / (slack * grown), dof * np.minimum(free, 1.0)
     return np.any(off > chi2.isf(IMPROBABLE, dof), axis=1), grown, slack
+
+
+def hops_unseen(sunk: np.ndarray, speeds: np.ndarray, shape: np.ndarray, guard: float) -> np.ndarray:
+    """Which hits (n,) are several, of a body that has hopped within the `guard` in s, where samples are rounded.
+
+    The arcs before the first hit and after the last one then meet deep below the surface.  `sunk` (n,) in m is how
+    deep, `speeds` (n, 2) in m/s are those of the contact points across the surface, before (down) and after (up), and
+    `shape` (n, c) are columns by which a wrong shape would sink a body.
+    """
+    usual = np.ones(len(sunk), bool)
+    left = sunk - np.median(sunk) if len(sunk) else sunk
+    for _ in range(ROUNDS):
+        if usual.sum() <= shape.shape[1]:
+            return np.zeros(len(sunk), bool)
+        left = sunk - shape @ np.linalg.lstsq(shape[usual], sunk[usual], rcond=None)[0]
+        usual = np.abs(left) <= ODD * float(robust_std(left - np.median(left)))
+    lasts = left * (1.0 / np.maximum(speeds, 1e-3)).sum(axis=1)
+    return (left > DEEP * float(robust_std(left - np.median(left)))) & (lasts > UNSEEN_HOP * guard)
 
 
 def rolls(speeds: np.ndarray, at: np.ndarray, trial: np.ndarray) -> np.ndarray:
