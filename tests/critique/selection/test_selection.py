@@ -633,9 +633,9 @@ def test_a_search_knows_at_which_limit_it_ended():
     assert found(world).limit is None
     assert found(world, SearchSettings(max_effects=1)).limit == ("max_effects", 1)
     assert found(world, fixed=["square"]).limit is None
-    # the only finalist spoils, and the wave is not asked
+    # the first finalist spoils, and the next one is asked
     world = spoilt(line(3, square=4.0 * SIZE, step=1.5 * SIZE))
-    assert found(world, SearchSettings(finalists=1)).limit == ("finalists", 1) and found(world).steps
+    assert found(world, SearchSettings(finalists=1)).limit is None and found(world, SearchSettings(finalists=1)).steps
     assert found(line(0), SearchSettings(max_effects=0)).limit is None  # nothing is left
 
 

@@ -66,7 +66,7 @@ class CritiqueSettings(SearchSettings):
         ge=1,
         description="median error over noise beyond which, in space, no channel vetoes an effect that raises the log "
         "score of all: a model so far off errs everywhere, and each cause in turn moves some of that from one channel "
-        "to another",
+        "to another; nor does a channel whose own misfit is beyond it",
     )
     buried_excess: float = Field(
         2.0,

@@ -215,9 +215,12 @@ class Drops(World[Effect, Fit, Judgement]):
     def is_vetoed(self, judged: Judgement, than: Judgement, settings: SearchSettings) -> bool:
         # what slides may have a friction of its own, and a wrong base that of the hits by chance
         forgiven = {SLIDE.name} if any(e.channels == (SLIDE.name,) for e in self.candidates.values()) else set()
-        near, is_far = self.settings.near_noise, than.excess > self.settings.far_from_noise
-        if is_far and not self.space.is_plane and judged.total > than.total:
-            return False
+        near, far = self.settings.near_noise, self.settings.far_from_noise
+        if not self.space.is_plane and judged.total > than.total:
+            if than.excess > far:
+                return False
+            # of two causes that move the flights, say, the first one found may leave more to the second
+            forgiven |= {name for name, square in than.sigmas.items() if square > far**2}
         if judged.integrated and settings.matters(than.excess, judged.excess, 1.0):
             # where a contact ends follows from velocities that were wrong or still are, and was wrong before
             wrong = (name for name, square in than.sigmas.items() if square > near)

@@ -82,9 +82,8 @@ class Path(Generic[E, F, J]):
     """How far a search has come, and as it was before a base of the reserve was taken (`simpler`).
 
     `first`: the best of what the first step chose from.  `entered`: how many effects have entered; `left`: how many had
-    when an effect left, each time, by its name.  `unasked`: effects with significant quick fits that did not become
-    finalists, where none of the finalists entered.  `ended`: whether no effect enters; `shortlist`: what the
-    next step chooses from, where that is known.
+    when an effect left, each time, by its name.  `ended`: whether no effect enters; `shortlist`: what the next step
+    chooses from, where that is known.
     """
 
     base: str
@@ -95,7 +94,6 @@ class Path(Generic[E, F, J]):
     left: dict[str, list[int]] = field(default_factory=dict)
     first: Shortlist[F] | None = None
     below: F | None = None
-    unasked: tuple[str, ...] = ()
     ended: bool = False
     shortlist: Shortlist[F] | None = None
     simpler: "Path[E, F, J] | None" = None
@@ -130,7 +128,7 @@ class Path(Generic[E, F, J]):
 class Limit(NamedTuple):
     """The setting at which a search ended, and its value."""
 
-    name: Literal["max_effects", "finalists"]
+    name: Literal["max_effects"]
     value: int
 
 

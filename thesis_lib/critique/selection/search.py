@@ -102,8 +102,6 @@ class Search(Generic[E, F, J]):
         if fixed is None and len(path.steps) >= self.most:
             more = max(last_scan.gain.values(), default=0.0)
             limit = Limit("max_effects", self.most) if last_scan.p_value(more) <= self.settings.alpha else None
-        elif path.unasked:
-            limit = Limit("finalists", self.settings.finalists)
         return Discovery(
             self.plain, path.base, tuple(path.steps), path.first, last_scan, path.below, world.not_testable, limit
         )
@@ -128,7 +126,7 @@ class Search(Generic[E, F, J]):
             step, reserve = None, bases.reserve(fitted) if leaves else []
             other: tuple[F, J] | None = bases.far_better(reserve, quick, contenders, judged)
             if other is None:
-                step, path.below, path.unasked = self.best_step(fitted, judged, shortlist)
+                step, path.below = self.best_step(fitted, judged, shortlist)
                 asks = step is None and leaves and world.asks_reserve_first
                 if joint := bases.together(shortlist, fitted, judged) if asks else None:
                     path.remember(None, shortlist)
@@ -261,23 +259,38 @@ class Search(Generic[E, F, J]):
         """Names of fits with one effect more than `fitted`, by score less one nat a parameter."""
         return sorted(fits, key=lambda name: len(fits[name].values) - len(fitted.values) - fits[name].score)
 
-    def best_step(
-        self, fitted: F, judged: J, shortlist: Shortlist[F]
-    ) -> tuple[Step[E, F, J] | None, F | None, tuple[str, ...]]:
-        """The step that enters, or None with the fit of a significant but immaterial effect, and `Path.unasked`."""
-        world, settings, forced = self.world, self.settings, self.fixed is not None
-        quick, contenders, tests = shortlist.quick, shortlist.contenders, shortlist.tests
-        on = [e.name for e in fitted.effects]
-        gains = {name: world.quick_gain(fit, contenders) for name, fit in quick.items()}
-        least = max(self.least_gain(tests), settings.finalist_gain * max(gains.values(), default=0.0))
+    def best_step(self, fitted: F, judged: J, shortlist: Shortlist[F]) -> tuple[Step[E, F, J] | None, F | None]:
+        """The step that enters, or None with the fit of a significant but immaterial effect.
+
+        The `finalists` come first.  Where none of them enters, what else gains more than chance follows, as many at a
+        time: no number of effects ends a search.
+        """
+        quick, tests, number = shortlist.quick, shortlist.tests, self.settings.finalists
+        gains = {name: self.world.quick_gain(fit, shortlist.contenders) for name, fit in quick.items()}
+        least = max(self.least_gain(tests), self.settings.finalist_gain * max(gains.values(), default=0.0))
         worth = [name for i, name in enumerate(quick) if i == 0 or gains[name] >= least]
-        names = worth[: settings.finalists]
-        unasked = tuple(n for n in worth[len(names) :] if not forced and tests.p_value(gains[n]) <= settings.alpha)
+        names, others = worth[:number], []
+        if self.fixed is None:
+            others = [name for name in worth[number:] if tests.p_value(gains[name]) <= self.settings.alpha]
         if shortlist.base and quick:
             # quick fits are of its limit, which may be far away; slopes are its own
             best_slope = max(quick, key=lambda name: tests.gain[name])
-            others = [name for name, fit in quick.items() if world.misjudged(fit.effects[-1])]
-            names += [name for name in dict.fromkeys([best_slope, *others]) if name not in names]
+            misjudged = [name for name, fit in quick.items() if self.world.misjudged(fit.effects[-1])]
+            names = list(dict.fromkeys([*names, best_slope, *misjudged]))
+            others = [name for name in others if name not in names]
+        step, below = self.step_among(names, fitted, judged, shortlist, gains)
+        while step is None and others:
+            step, also_below = self.step_among(others[:number], fitted, judged, shortlist, gains)
+            below, others = below or also_below, others[number:]
+        return step, below
+
+    def step_among(
+        self, names: list[str], fitted: F, judged: J, shortlist: Shortlist[F], quick_gains: Mapping[str, float]
+    ) -> tuple[Step[E, F, J] | None, F | None]:
+        """As `best_step`, of these candidates; `quick_gains` of all."""
+        world, settings, forced = self.world, self.settings, self.fixed is not None
+        quick, contenders, tests = shortlist.quick, shortlist.contenders, shortlist.tests
+        on, gains = [e.name for e in fitted.effects], dict(quick_gains)
         near = dict(zip(names, world.fits([self.near_fit(quick[n], fitted, shortlist.base) for n in names])))
         near |= self.simpler_fits(near, quick, fitted)
         # relative to the best base without the effect: a rival that fits better by itself does not count for the effect
@@ -311,8 +324,8 @@ class Search(Generic[E, F, J]):
                 others = shortlist.alike
                 if others is None:
                     others = self.evidence.alternatives(name, gains, tests, judgements)
-                return Step(e, others, fails, p_value, gain, near[name], judgement, tests), None, ()
-        return None, below, unasked
+                return Step(e, others, fails, p_value, gain, near[name], judgement, tests), None
+        return None, below
 
     def near_fit(self, quick: F, fitted: F, base: str | None) -> Asked:
         """What to fit to be judged; on a `base` of whose limit the quick fit is, from where the model stands."""

@@ -19,7 +19,9 @@ class SearchSettings(Section):
         ge=0,
         description="effects in one model; null: 4, in space 12, where hits are so precise that small causes show",
     )
-    finalists: int = Field(5, ge=1, description="candidates that are fitted in full at each step")
+    finalists: int = Field(
+        5, ge=1, description="candidates that are fitted in full at once; others follow if none enters"
+    )
     alpha: float = Field(0.01, gt=0, lt=1, description="level of the null that counts the candidates tried")
     material_share: float = Field(0.05, ge=0, description="least fall of a held-out error, over that error")
     material_floor: float = Field(0.25, ge=0, description="least fall of a held-out error, over the noise floor")
@@ -98,11 +100,7 @@ def search_ended(search: Mapping, section: str) -> list[str]:
     if search["limit"] is None:
         return []
     name, value = search["limit"], search["value"]
-    why = {
-        "max_effects": "although a further effect would still gain more than chance",
-        "finalists": "although further effects that gain more than chance were not asked",
-    }[name]
     return [
-        f"The search ended at {name} = {value}, {why}; {section}.{name} of the configuration, "
-        f"{name} of the settings in Python, allows more."
+        f"The search ended at {name} = {value}, although a further effect would still gain more than chance; "
+        f"{section}.{name} of the configuration, {name} of the settings in Python, allows more."
     ]
