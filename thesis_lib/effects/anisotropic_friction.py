@@ -13,8 +13,9 @@ within it (maximum dissipation), along the path of the impact:
 
     |M⁻¹ dc_t| ≤ dp,   dc_t = −M² v_t / |M v_t| dp while it slips,   M = μ (1 + [[a_c, a_s], [a_s, −a_c]])
 
-It is not against the slip, but where that is along an axis.  With a = |(a_c, a_s)| the semi-axes are μ (1 ± a), the
-longer one turned by φ from t_1 to t_2: (a_c, a_s) = a (cos 2φ, sin 2φ).
+A body that slides has f_t = −M² v_t / |M v_t| f_n, too.  Friction is not against the slip, but where that is along an
+axis.  With a = |(a_c, a_s)| the semi-axes are μ (1 ± a), the longer one turned by φ from t_1 to t_2:
+(a_c, a_s) = a (cos 2φ, sin 2φ).
 
 | on paper | in code | unit | shape |                                                 |
 |----------|---------|------|-------|-------------------------------------------------|
@@ -64,6 +65,12 @@ class AnisotropicFriction(Effect):
             changed, plain = path_impulse(contact, mu, epsilon, ratio * mu), path_impulse(contact, mu, epsilon)
         d_t, d_n = (np.where(np.isfinite(a - b), a - b, 0.0) for a, b in zip(changed, plain))
         return Impulse.planar(impulse.c_t + d_t, impulse.c_n + d_n, impulse.couple)
+
+    def sliding(self, mu, contact, state, p, rig):
+        if contact.dimension == 2 or not (np.any(p["a_c"]) or np.any(p["a_s"])):
+            return mu
+        a_c, a_s = (np.broadcast_to(p[name], np.shape(mu)) for name in ("a_c", "a_s"))
+        return mu * np.array([[1.0 + a_c, a_s], [a_s, 1.0 - a_c]])
 
 
 EFFECT = AnisotropicFriction()

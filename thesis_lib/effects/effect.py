@@ -377,7 +377,10 @@ class Effect:
         return impulse
 
     def sliding(self, mu: np.ndarray, contact: Contact, state: State, p: Parameters, rig: Rig) -> np.ndarray:
-        """Coefficient of friction (n,) of bodies that slide on the surface, given that of impacts at this place."""
+        """Coefficient of friction (n,) of bodies that slide on the surface, given that of impacts at this place.
+
+        In space also a symmetric matrix M (2, 2, n): friction is then limited by an ellipse (`anisotropic_friction`).
+        """
         return mu
 
     # flight -----------------------------------------------------------------------------------------------------

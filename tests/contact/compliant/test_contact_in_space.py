@@ -6,6 +6,7 @@ import pytest
 from thesis_lib.bodies.shapes import Ellipse, Polygon
 from thesis_lib.bodies.solids import Box, Capsule, Cylinder, Ellipsoid, Hull, Sphere
 from thesis_lib.contact import mirtich
+from thesis_lib.contact.compliant.watched_slide import on_ellipse
 from thesis_lib.critique.contacts import pressing
 from thesis_lib.critique.contacts.bases import BASES
 from thesis_lib.critique.contacts.episodes import play
@@ -229,7 +230,8 @@ def test_convex_contacts_are_those_of_mujoco(cone, impratio, d, lever):
 @pytest.mark.parametrize(
     "hidden",
     [{}, {"velocity_dependent_friction.s": 1.4, "velocity_dependent_friction.v_s": 0.5}]
-    + [{"torsional_friction.m_t": 6e-3}, {"contact_torque.m_r": 1.5e-3}],
+    + [{"torsional_friction.m_t": 6e-3}, {"contact_torque.m_r": 1.5e-3}]
+    + [{"anisotropic_friction.a_c": 0.28, "anisotropic_friction.a_s": 0.25}],
     ids=lambda hidden: next(iter(hidden), "nothing"),
 )
 def test_damped_contacts_are_those_of_our_own_tosses(hidden):
@@ -284,6 +286,26 @@ def test_a_body_that_slides_on_a_pyramid_down_a_slope_keeps_equal_components_equ
         half_a, middle, _ = np.polyfit(t - t.mean(), path, 2)
         expected = force.sliding(middle[:, None], np.array([limit]), pull[:, None], t[-1])[:, 0]
         np.testing.assert_allclose(2.0 * half_a, expected, atol=0.03 * limit)
+
+
+@pytest.mark.parametrize("pull", [(0.0, 0.0), (0.6, -0.4)])
+@pytest.mark.parametrize(("a_c", "a_s"), [(0.3, 0.2), (-0.25, 0.25), (0.0, 0.0)])
+def test_a_slide_on_an_ellipse_turns_and_stops_as_in_small_steps(a_c, a_s, pull):
+    mu_g, dt = 2.9, 1e-4
+    M, steps = mu_g * np.array([[1.0 + a_c, a_s], [a_s, 1.0 - a_c]]), [500, 1500, 3000]
+    for slip in ([0.5, -0.1], [0.1, -0.6], [-0.2, -0.35], [0.3, 0.28]):
+        v, seen = np.array(slip), []
+        for _ in range(max(steps)):
+            seen.append(v)
+            push = v + dt * np.array(pull)
+            c = np.linalg.solve(M, push) / dt  # what would end the slip, within the ball
+            away = M @ push
+            v = push - dt * M @ (away / np.linalg.norm(away)) if c @ c > 1.0 else 0.0 * v
+        for count in steps:
+            t = dt * np.arange(count)
+            half_a, middle, _ = np.polyfit(t - t.mean(), dt * np.cumsum(seen[:count], axis=0), 2)
+            expected = on_ellipse(middle[:, None], M[:, :, None], np.array(pull)[:, None], t[-1])[:, 0]
+            np.testing.assert_allclose(2.0 * half_a, expected, atol=0.02 * mu_g)
 
 
 def test_a_box_that_turns_over_an_edge_moves_the_same_where_its_contact_is_cut(monkeypatch):

@@ -13,8 +13,9 @@ that minimises its program in the circular cone |f_t| ≤ μ f_n.  On a pyramid 
 edges, n ± μ t_1 and n ± μ t_2, each with its share of R.  Its torsional friction is in the same cone, or on two more
 edges, with R as of a slip of ω_n m_t / μ.
 μ is that of fast slip times Stribeck's factor 1 + s exp(−(|s_t| / v_s)²) at the slip s_t in the middle of the step, of
-a convex contact before it.  A point that touches within a step presses from there on, but for a convex contact, whose
-engine does not see it either.
+a convex contact before it.  Where an ellipse limits friction, M = 1 + [[a_c, a_s], [a_s, −a_c]] and c_t = M d, friction
+of springs ends M s with M A M by d in place of c_t.  A point that touches within a step presses from there on, but for
+a convex contact, whose engine does not see it either.
 
 A contact point is one of a body that is a Minkowski sum (`bodies/minkowski.py`): a point that turns with the body, plus
 the lowest point of an ellipsoid that turns with it, less a radius along the normal.
@@ -469,6 +470,12 @@ def _stribeck(mu, x, y, s, v_s):
 
 
 @compiled
+def _stretched(a_c, a_s, x, y):
+    """M (x, y), M of an ellipse."""
+    return (1.0 + a_c) * x + a_s * y, a_s * x + (1.0 - a_c) * y
+
+
+@compiled
 def _roll(share, couples, L):
     """Add a share of couples (p, 2) about level axes to the angular momentum L (3,)."""
     for k in range(len(couples)):
@@ -485,7 +492,7 @@ def integrate(force, r_0, points, friction, body, outline, velocity, spin, step,
             pyramid along the surface; share (n,) of the depth by which the force acts above the point.
         r_0: points (3, p, n) in m from the centre of mass, at the touch.
         points: gap in m, μ, D and L in m of each point, (4, p, n).
-        friction: s and v_s in m/s of Stribeck's factor, m_t and m_r in m, (4, n).
+        friction: s and v_s in m/s of Stribeck's factor, m_t and m_r in m, a_c and a_s of an ellipse, (6, n).
         body: W_0 (3, 3, n) in 1/m² and L (3, n) in m²/s at the touch; acceleration in m/s² and couple in m²/s² of the
             flight, (3, n).
         outline: squares (3,) in m² of the semi-axes of an ellipsoid that rolls, axes of the body (3, 3, n) as columns
@@ -610,10 +617,23 @@ def integrate(force, r_0, points, friction, body, outline, velocity, spin, step,
                     s_1 = v[0] + omega[1] * r[k, 2] - omega[2] * r[k, 1]
                     s_2 = v[1] + omega[2] * r[k, 0] - omega[0] * r[k, 2]
                     x_1, x_2, twist, lever = slid[k, 0], slid[k, 1], 0.0, friction[2, i]
+                    a_c, a_s = friction[4, i], friction[5, i]
+                    is_round = a_c == 0.0 and a_s == 0.0
+                    if not is_round:
+                        x_1, x_2 = _stretched(a_c, a_s, x_1, x_2)
+                        s_1, s_2 = _stretched(a_c, a_s, s_1, s_2)
+                        for j in range(2):
+                            A[j, 0], A[j, 1] = _stretched(a_c, a_s, A[j, 0], A[j, 1])
+                        for j in (0, 1, 3):
+                            A[0, j], A[1, j] = _stretched(a_c, a_s, A[0, j], A[1, j])
                     for corrected in range(2 if friction[0, i] != 0.0 else 1):
                         if corrected:  # μ of the slip in the middle of the step
                             mid_1 = 0.5 * (x_1 + s_1 + A[0, 0] * d_1 + A[0, 1] * d_2 + A[0, 3] * twist)
                             mid_2 = 0.5 * (x_2 + s_2 + A[0, 1] * d_1 + A[1, 1] * d_2 + A[1, 3] * twist)
+                            if not is_round:
+                                mid_1, mid_2 = _stretched(-a_c, -a_s, mid_1, mid_2)
+                                det = 1.0 - a_c * a_c - a_s * a_s
+                                mid_1, mid_2 = mid_1 / det, mid_2 / det
                             mu[k] = _stribeck(mus[k, i], mid_1, mid_2, friction[0, i], friction[1, i])
                         if lever > 0.0:
                             d_1, d_2, twist = _twisted(
@@ -623,6 +643,8 @@ def integrate(force, r_0, points, friction, body, outline, velocity, spin, step,
                             d_1, d_2 = _friction(
                                 A[0, 0], A[0, 1], A[1, 1], x_1, x_2, s_1, s_2, mu[k] * push[k], pressing
                             )
+                    if not is_round:
+                        d_1, d_2 = _stretched(a_c, a_s, d_1, d_2)
                     L[2] += twist
                     carried[k, 0], carried[k, 1] = d_1 / push[k], d_2 / push[k]
                 along_1, along_2 = along_1 + d_1, along_2 + d_2

@@ -26,6 +26,7 @@ import numpy as np
 from numpy.polynomial.legendre import leggauss, legint, legval, legvander
 
 from thesis_lib.contact.compliant.normal_force import NormalForce
+from thesis_lib.contact.compliant.watched_slide import on_ellipse
 from thesis_lib.critique.contacts.contact_time import TURNED, normal_mobility
 from thesis_lib.critique.contacts.model import Model
 from thesis_lib.effects.effect import Effect, Impulse, Rig
@@ -326,8 +327,10 @@ class Dynamics:
             a_t, a_n = self.true_acceleration(true)[:, :2].T
             return a_t - mu * np.maximum(-a_n, 0.0) * np.sign(at.v_t)
         *along, a_n = self.true_acceleration(true)[:, :3].T
-        force = self.model.law.force or NormalForce()
-        return force.sliding(np.stack(at.v[:2]), mu * np.maximum(-a_n, 0.0), np.stack(along), span)
+        limit, slip, pull = mu * np.maximum(-a_n, 0.0), np.stack(at.v[:2]), np.stack(along)
+        if limit.ndim > 1:
+            return on_ellipse(slip, limit, pull, span)
+        return (self.model.law.force or NormalForce()).sliding(slip, limit, pull, span)
 
     def flown(self, true: State, h: np.ndarray) -> State:
         """The states after times h (n,) in s of flight."""

@@ -11,11 +11,11 @@ too.  Per unit mass, with x the depth over L,
 Both forces of a convex contact follow from its program.
 The lowest point of a smooth body moves over it as the body turns.  Effects act on the frame, on the contact points and
 on (μ, ε) as in a single contact; shifts of a contact point turn with the body.  What they add to the impulse of
-the law is added to the impulse of each corner, at the velocity with which it touched.  Five are integrated with the
+the law is added to the impulse of each corner, at the velocity with which it touched.  Six are integrated with the
 rest: in the plane `tangential_compliance` is a spring along the surface, and under `soft_body` the force acts in the
 chord that the surface cuts off, the higher the deeper the body sinks in; in space the μ of
-`velocity_dependent_friction` follows the slip, and the couples of `torsional_friction` and `contact_torque` act while
-the contact lasts.
+`velocity_dependent_friction` follows the slip, the ellipse of `anisotropic_friction` limits the friction of springs,
+and the couples of `torsional_friction` and `contact_torque` act while the contact lasts.
 """
 
 from collections.abc import Callable, Mapping
@@ -32,6 +32,7 @@ from thesis_lib.contact.compliant.normal_force import ConvexDamper, NormalForce,
 from thesis_lib.contact.law import Law
 from thesis_lib.critique.contacts.contact_time import IMPEDANCE
 from thesis_lib.critique.contacts.dynamics import Dynamics
+from thesis_lib.effects.anisotropic_friction import AnisotropicFriction
 from thesis_lib.effects.contact_torque import ContactTorque
 from thesis_lib.effects.effect import Effect, Impulse, Rig
 from thesis_lib.effects.soft_body import SoftBody, lean
@@ -128,6 +129,8 @@ def all_points(rig: Rig, bodies: int) -> Rig:
 def integrates(law: Law, effect: Effect, space: Space) -> bool:
     """Whether the effect is part of the integrated motion; others have friction and place of their own."""
     if not space.is_plane:
+        if isinstance(effect, AnisotropicFriction):
+            return not isinstance(law.force, ConvexDamper)
         return isinstance(effect, VelocityDependentFriction | TorsionalFriction | ContactTorque)
     return isinstance(effect, TangentialCompliance | SoftBody) and not isinstance(
         law.force, ConvexDamper | PressureField
@@ -223,9 +226,9 @@ def _in_space(touching: Touching) -> Pressed:
     force, n = at_corners.model.law.force or SPRING, len(frame)
     ratio, regularisation = _of_friction(at_corners, n)
     share = MIDDLE if isinstance(force, ConvexDamper) else 0.0
-    kinds = (VelocityDependentFriction, TorsionalFriction, ContactTorque)
+    kinds = (VelocityDependentFriction, TorsionalFriction, ContactTorque, AnisotropicFriction)
     resisted = {name: value for kind in kinds for name, value in _parameters(at_corners, kind).items()}
-    nulls = {"s": 0.0, "v_s": 1.0, "m_t": 0.0, "m_r": 0.0}
+    nulls = {"s": 0.0, "v_s": 1.0, "m_t": 0.0, "m_r": 0.0, "a_c": 0.0, "a_s": 0.0}
     friction = np.stack([np.full(len(touching.tiled), resisted.get(name, null))[:n] for name, null in nulls.items()])
     W, spin = at.mobility[:, :, :n], frame.spin
     G = np.moveaxis(np.linalg.inv(np.moveaxis(W, -1, 0)), 0, -1)
