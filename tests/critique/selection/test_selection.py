@@ -574,6 +574,27 @@ def test_held_out_trials_reject_what_makes_an_error_larger_and_what_was_found_af
     assert len(ladder) == 3 and by_hand.rejected == ()
 
 
+@pytest.mark.parametrize("forgives", [True, False])
+def test_an_error_that_a_rung_raises_and_a_later_one_lowers_rejects_an_effect_where_all_rungs_count(forgives):
+    class Mended(Spoilt):
+        forgives_rungs = forgives
+
+        def judge(self, fitted):
+            last = len(fitted.effects) > 1  # the other effect lowers the error again
+            return TwoErrors(self.trial, self.residual(fitted), 1.0 + ("square" in names_of(fitted) and not last))
+
+    def names_of(fitted):
+        return {effect.name for effect in fitted.effects}
+
+    world = line(3, square=12.0 * SIZE, wave=3.0 * SIZE)
+    training, unseen = (world.part(trials) for trials in split(world.trials, 0.3, np.random.default_rng(0)))
+    discovery = found(training)
+    assert [step.effect.name for step in discovery.steps].index("square") == 0
+    unseen = Mended(unseen.trial, unseen.x, unseen.y)
+    kept, _, _ = judge_held_out(training, unseen, discovery, SearchSettings())
+    assert ("square" in {step.effect.name for step in kept.steps}) == forgives
+
+
 def test_of_two_effects_that_spoil_an_error_held_out_trials_strike_the_later_first_and_each_by_itself():
     world = line(3, square=12.0 * SIZE, step=6.0 * SIZE, wave=3.0 * SIZE)
     training, unseen = (world.part(trials) for trials in split(world.trials, 0.3, np.random.default_rng(0)))

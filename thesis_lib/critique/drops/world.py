@@ -76,7 +76,7 @@ class Drops(World[Effect, Fit, Judgement]):
         self.timed = self.settings.contact_time and observations.arcs
         self.observations, self.rivals = observations, self.settings.rivals
         # in space hits are so precise that most rigid laws fail by the time that contacts take
-        self.asks_reserve_first = not observations.space.is_plane
+        self.asks_reserve_first = self.forgives_rungs = not observations.space.is_plane
         self.most_effects = type(self).most_effects if observations.space.is_plane else MOST_IN_SPACE
         self.refits = type(self).refits if observations.space.is_plane else REFITS_IN_SPACE
         self.always = (*of_motion(observations), *observations.written)

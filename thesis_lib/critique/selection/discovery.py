@@ -212,6 +212,8 @@ def judge_held_out(
             else:
                 # an error that this rung has raised, not an earlier one
                 rungs = [than for _, _, than in ladder[: i + 1] if held_out.is_vetoed(ladder[i + 1][2], than, settings)]
+                if held_out.forgives_rungs:
+                    rungs = [than for than in rungs if held_out.is_vetoed(ladder[-1][2], than, settings)]
                 if worse := [than for than in rungs if not held_out.is_vetoed(ladder[i][2], than, settings)]:
                     spoiled[i] = ladder[i + 1][2], worse[0]
         steps = discovery.steps

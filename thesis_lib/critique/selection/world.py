@@ -105,6 +105,8 @@ class World(ABC, Generic[E, F, J]):
         reserve: further bases, slow to fit, tried where a model leaves an error, chosen where clearly better.
         most_effects: in one model, unless the settings say how many.
         asks_reserve_first: whether one of these that leaves no error is taken before any effect is tried.
+        forgives_rungs: whether an error that an effect raises on its rung of the ladder counts only if the final model
+            has it still: one cause of several may move errors until all are in.
         rivals: number of bases tried with the first effect; without it the wrong base may fit best.
         trials: numbers of the trials, ascending.
         unit: "impact" or "window".
@@ -118,6 +120,7 @@ class World(ABC, Generic[E, F, J]):
     reserve: tuple[str, ...] = ()
     most_effects: int = 4
     asks_reserve_first: bool = False
+    forgives_rungs: bool = False
     rivals: int = 1
     trials: np.ndarray
     unit: str
