@@ -125,6 +125,6 @@ def _carried(made: Made, move: Move) -> Made:
             found[hook] = twist[:3, : len(r)] @ r
         elif hook in ("meet", "acceleration", "arc"):
             found[hook] = twist @ np.asarray(value)
-        elif hook == "sliding" and np.ndim(value) == 3:  # the matrix of an ellipse
+        elif hook == "sliding" and np.asarray(value).ndim == 3:  # the matrix of an ellipse
             found[hook] = np.einsum("ij,jkn,lk->iln", twist[:2, :2], np.asarray(value), twist[:2, :2])
     return found
