@@ -146,7 +146,7 @@ def test_an_effect_in_a_file_of_the_users_is_found_with_the_installed_package_al
     name = "slip_dependent_restitution"
     shutil.copy(ROOT / "tests" / "extensions" / "own_files.py", tmp_path / "texts.py")
     save = "import texts, pathlib; pathlib.Path('my_effects.py').write_text(texts.EFFECT, encoding='utf-8')"
-    run(sys.executable, "-c", save, folder=tmp_path)
+    run(sys.executable, "-c", save, folder=tmp_path, path=installed)
     program = (sys.executable, "-m", "thesis_lib")
     printed = run(*program, "effects", "--check", "my_effects.py", folder=tmp_path, path=installed)
     assert "FAIL" not in printed and "checks pass" in printed
