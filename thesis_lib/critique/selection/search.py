@@ -287,7 +287,7 @@ class Search(Generic[E, F, J]):
     def step_among(
         self, names: list[str], fitted: F, judged: J, shortlist: Shortlist[F], quick_gains: Mapping[str, float]
     ) -> tuple[Step[E, F, J] | None, F | None]:
-        """As `best_step`, of these candidates; `quick_gains` of all."""
+        """As `best_step`, but only of the candidates `names`; `quick_gains` are those of all candidates."""
         world, settings, forced = self.world, self.settings, self.fixed is not None
         quick, contenders, tests = shortlist.quick, shortlist.contenders, shortlist.tests
         on, gains = [e.name for e in fitted.effects], dict(quick_gains)
