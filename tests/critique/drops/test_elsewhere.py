@@ -59,6 +59,10 @@ def test_hits_above_the_surface_are_found_though_the_law_fits_all_others():
     value[hit, :, 2] += 0.01  # height, as on another object of 10 mm
     raised = elsewhere(replace(o, value=value), trials=1)
     assert set(raised.hits) == set(zip(o.trial[hit].tolist(), o.t[hit].tolist()))
+    value[hit, :, 2] -= 0.02  # so far below the surface a body has been struck elsewhere, or it has hopped unseen
+    filtered = replace(o.found, guard=0.02)
+    assert elsewhere(replace(o, value=value), trials=1).trials
+    assert elsewhere(replace(o, value=value, found=filtered), trials=1) is None
 
 
 @pytest.mark.parametrize("found, verdict", [(None, "adequate"), (HitsElsewhere(3, 9, [(1, 0.2)]), "unexplained")])

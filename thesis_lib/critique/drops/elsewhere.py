@@ -24,6 +24,7 @@ from thesis_lib.critique.drops.settings import ElsewhereSettings
 from thesis_lib.critique.likelihood.channels import MEET, TOUCH
 from thesis_lib.critique.likelihood.fit import Fit
 from thesis_lib.critique.likelihood.in_space.episodes import ELSEWHERE, OFF_SURFACE
+from thesis_lib.critique.likelihood.in_space.hits import contact_velocity
 from thesis_lib.critique.likelihood.observations import Observations
 from thesis_lib.datasets.impacts.found import Away
 from thesis_lib.statistics.spread import robust_std
@@ -74,10 +75,19 @@ def hits_elsewhere(final: Fit, o: Observations, settings: ElsewhereSettings) -> 
         z = np.concatenate([touch, meet[o.span == 0.0]], axis=1)
         z = z - np.median(z, axis=0)
         far = (np.abs(z) > settings.sigmas * np.maximum(robust_std(z), 1.0)).any(axis=1)
+        far &= ~_may_hop(final.on(single).dynamics, single, o.found.guard)
         hits += zip(single.trial[far].tolist(), single.t[far].tolist())
     trials, of = len({trial for trial, _ in hits}), len(np.unique(o.trial))
     few = trials < max(settings.trials, settings.share * of)
     return None if few else HitsElsewhere(trials, of, sorted(hits))
+
+
+def _may_hop(dynamics: Dynamics, single: Observations, guard: float) -> np.ndarray:
+    """Which hits (n,) may be several, of a body that hops unseen within `guard` (s) on both sides of the hit."""
+    before, after = (dynamics.to_true(single.lines(side)) for side in (0, 1))
+    speeds = np.abs([contact_velocity(state, single.rig)[2] for state in (before, after)])
+    lasts = -dynamics.gap(before) * (1.0 / np.maximum(speeds, 1e-3)).sum(axis=0)
+    return (lasts > 0.0) & (lasts < 2.0 * guard)
 
 
 def _bent(dynamics: Dynamics, away: Away) -> np.ndarray:
