@@ -45,7 +45,7 @@ def help_of(words: list[str], capsys) -> str:
 def test_help_names_every_command_and_what_it_needs_to_teach(capsys):
     text = help_of([], capsys)
     assert all(f"\n  {name} " in text for name in NAMES)
-    for part in ("examples:", "results/claims.html", "Exit codes: 0", "1 what was checked fails", "130"):
+    for part in ("examples:", "results/report.html", "Exit codes: 0", "1 a check failed", "130"):
         assert part in text
     assert all(len(line) <= 120 for line in text.splitlines())
 

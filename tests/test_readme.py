@@ -87,7 +87,7 @@ def test_what_is_said_of_faces_and_beliefs_is_so_in_the_stored_run(statuses):
 
 def test_what_is_said_of_the_analytical_model_is_so_in_the_stored_run():
     stored = pd.read_csv(DICE / "dice_readings.csv")
-    # "the second alone of all is not told"; "with too many right faces"
+    # "only the second is indistinguishable"; "with too many right faces"
     assert stored.query("chi2 < 7.8")[["rotation", "mu", "epsilon"]].to_numpy().tolist() == [["given", 0.3, 0.6]]
     wide = stored.query("rotation == 'mirrored' and 4 < std < 5 and mean < -0.4")
     assert (wide["face_right"] > 0.23 + 0.04).all()

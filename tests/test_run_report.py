@@ -64,7 +64,8 @@ def test_figures_are_grouped_by_dataset_and_what_was_not_made_is_left_out(result
     html = chapter(results)
     assert re.findall(r'<figure id="([\w-]+)"', html) == ["figure-3-1", "figure-3-8-planar_dice", "figure-3-8-drops"]
     order = [
-        html.index(text) for text in ("<h2>planar_dice: measured", 'figure-3-8-planar_dice"><img', "<h2>drops: sim")
+        html.index(text)
+        for text in ("<h2>planar_dice: measured", 'figure-3-8-planar_dice"><div class="drawn"', "<h2>drops: sim")
     ]
     assert order == sorted(order)
 
@@ -75,7 +76,7 @@ def test_data_that_a_run_lacks_are_named_with_the_command_that_gets_them(results
         run_report(results, [], "quick", ["planar_dice"]),
         chapter_report(results, [], "quick", ["planar_dice"], chapter=3),
     ):
-        assert "planar_dice (<code>thesis-lib datasets fetch planar-dice</code> gets it)" in html
+        assert "planar_dice (to get it: <code>thesis-lib datasets fetch planar-dice</code>)" in html
 
 
 def test_what_was_found_stands_in_caption_and_alternative_text(results):

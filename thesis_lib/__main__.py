@@ -12,15 +12,15 @@ from thesis_lib.foundation.errors import UserError
 COMMANDS = {  # name -> module, function, what it does; in groups
     "your own drops": {
         "datasets": ("commands.datasets", "main", "make a dataset from a rig's logs, check it, fetch one"),
-        "critique": ("commands.critique", "critique", "what the models miss in one dataset or in many"),
-        "predict": ("commands.model", "predict", "velocities after impact, by a criticised model"),
-        "simulate": ("commands.model", "simulate", "drops as such a model makes them"),
-        "rollout": ("commands.rollout", "rollout", "predicted tosses in space against measured ones"),
-        "export": ("commands.model", "export", "such a model as a file of MuJoCo or Drake, or in your own"),
+        "critique": ("commands.critique", "critique", "where the models fail in one dataset or in many, and why"),
+        "predict": ("commands.model", "predict", "velocities after impact, by the model of a critique"),
+        "simulate": ("commands.model", "simulate", "drops simulated with such a model"),
+        "rollout": ("commands.rollout", "rollout", "predicted tosses in space compared with measured ones"),
+        "export": ("commands.model", "export", "write such a model as a MuJoCo or Drake file, or into yours"),
         "effects": ("commands.effects", "effects", "the physical effects that are looked for; add your own"),
     },
     "the thesis": {
-        "claims": ("thesis.commands.claims", "main", "what the thesis states against what this program finds"),
+        "claims": ("thesis.commands.claims", "main", "what the thesis states compared with what this program finds"),
         "tables": ("thesis.commands.tables", "tables", "a chapter's tables with the meaning of their columns"),
         "figures": ("thesis.commands.tables", "list_figures", "file, caption and command of every figure"),
     },
@@ -36,14 +36,14 @@ examples:
   python -m thesis_lib datasets example -o data/example      drops of a rig that is not quite what it seems
   python -m thesis_lib critique data/example                 what is it? open results/critique/example/report.html
 
-Results go where -o says, a critique without it into results/critique/<name of the dataset>.
+Results go to the folder given by -o; without it a critique goes to results/critique/<name of the dataset>.
 {of_thesis}
-Exit codes: 0 done; 1 what was checked fails; 2 wrong use or bad input, with what to do on stderr; 130 interrupted.
+Exit codes: 0 done; 1 a check failed; 2 wrong use or bad input, with advice on stderr; 130 interrupted.
 python -m thesis_lib COMMAND --help explains a command, with examples; --version says which version this is.
 """
 OF_THESIS = """\
-The pipeline that makes all of the thesis (make reproduce, or snakemake --cores 2 chapter3) writes into results/; start
-with results/claims.html. python -m thesis_lib figures 3-8 says where a figure is, and what makes it.
+The pipeline that reproduces the thesis (make reproduce, or snakemake --cores 2 chapter3) writes into results/; start
+with results/report.html. python -m thesis_lib figures 3-8 says where a figure is, and what makes it.
 """  # where the thesis is
 
 

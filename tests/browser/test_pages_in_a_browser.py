@@ -31,7 +31,7 @@ def test_readers_of_all_kinds_can_use_it(visit, pages, name):
 
 def test_pictures_are_there_and_say_their_captions(visit, pages):
     pictures = visit(pages["critique"]).page.evaluate(
-        "[...document.images].map((i) => [i.naturalWidth, i.alt, i.nextElementSibling.innerText])"
+        "[...document.images].map((i) => [i.naturalWidth, i.alt, i.parentElement.nextElementSibling.innerText])"
     )
     assert len(pictures) >= 7
     assert all(width > 0 and alt.endswith(caption) for width, alt, caption in pictures)
@@ -285,7 +285,8 @@ def test_tosses_are_replayed(visit, in_space, still):
         assert page.locator("[data-toss]:not([hidden])").count() == 2
         slider.focus()
         page.keyboard.press("End")
-        assert told.inner_text().startswith(f"{toss['t'][-1]} s: lowest point measured {toss['heights'][0][-1]} mm")
+        lowest = str(toss["heights"][0][-1]).replace("-", "−")
+        assert told.inner_text().startswith(f"{toss['t'][-1]} s: lowest point measured {lowest} mm")
         page.keyboard.press("Home")
         assert "no prediction" in told.inner_text() and slider.get_attribute("aria-valuetext") == told.inner_text()
         assert page.locator(".replay .ghost").get_attribute("d") == ""

@@ -138,7 +138,7 @@ def test_the_example_of_the_dataset_page_is_read(tmp_path):
     from thesis_lib.datasets import read_dataset
 
     page = (DOCS / "reference_dataset.md").read_text(encoding="utf-8")
-    example = page.split("## The smallest one")[1]
+    example = page.split("## The smallest dataset")[1]
     for name, kind in (("dataset.yaml", "yaml"), ("impacts.csv", "csv")):
         (tmp_path / name).write_text(re.search(rf"```{kind}\n(.*?)```", example, re.S)[1], encoding="utf-8")
     dataset = read_dataset(tmp_path)

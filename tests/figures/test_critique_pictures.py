@@ -205,7 +205,7 @@ def test_maps_mark_held_out_impacts_and_title_their_mean(critique, drawn):
     held_out = table["held_out"] == 1
     assert held_out.sum() == len(critique.held_out.single)
     mean = table.loc[held_out, "error_before"].mean()
-    assert f"held-out mean {number(mean)} m/s" in " ".join(texts(figure))
+    assert f"{number(mean)} m/s, single hits held out" in " ".join(texts(figure))
 
 
 def test_parameters_that_move_are_called_out(critique):

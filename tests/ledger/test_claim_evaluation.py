@@ -203,9 +203,10 @@ def test_agreement_that_says_little_is_counted_apart_and_shown(entries, judged):
     weak = [{**entries[0], "weak": "anything passes"}, {**entries[0], "id": "a.b", "published": 1, "weak": "too"}]
     found = judged([*entries[1:], *weak])
     assert to_table(found)["weak"].tolist()[-2:] == ["anything passes", "too"]
-    assert "9 reproduced, 1 deviates, 0 without data. Of those reproduced 1 says little: " in summary_line(found)
+    assert "9 reproduced, 1 deviates, 0 without data. Of those reproduced, 1 is weak evidence: " in summary_line(found)
     page = render_page(found)
-    assert page.count("Says little: ") == 1 and "Says little: anything passes." in page  # one that deviates says enough
+    # one that deviates says enough
+    assert page.count("Weak evidence: ") == 2 and "Weak evidence: anything passes." in page
 
 
 def test_what_the_quick_scale_cannot_tell_is_not_decided_there(entries, judged):

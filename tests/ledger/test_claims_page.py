@@ -71,8 +71,8 @@ def test_links_to_one_place_of_the_thesis_can_be_told_apart(make_claim, judged):
 
 def test_the_numbers_carry_their_units(found):
     html = render_page(found)
-    assert "0.065 m/s ± 0.002" in html
-    assert "-0.935 m/s (-93.5\u00a0%)" in html
+    assert "0.065 ± 0.002 m/s" in html
+    assert "−0.935 m/s (−93.5\u00a0%)" in html
 
 
 def test_a_share_is_shown_where_the_check_is_relative_or_fails(make_claim, judged):
@@ -90,7 +90,7 @@ def test_what_says_little_comes_last(make_claim, judged):
     claims = [make_claim("weak", CHECK, 0.065, weak="a wrong law would pass, too"), make_claim("strong", CHECK, 0.065)]
     html = render_page(judged(claims))
     strong, between, weak = (
-        html.index(part) for part in ('id="table_3_1.strong"', "Agreement that says little", 'id="table_3_1.weak"')
+        html.index(part) for part in ('id="table_3_1.strong"', "Weak evidence: a wrong", 'id="table_3_1.weak"')
     )
     assert strong < between < weak
 

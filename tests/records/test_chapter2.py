@@ -87,12 +87,12 @@ def noise_rows(**methods: list[float]) -> pd.DataFrame:
 
 def test_errors_are_told_apart_from_the_bound_by_their_drops():
     said = finding("figure_table_2_1", noise_rows(arcs=[1.0, 1.09, 1.15, 0.85], plain=[5.0, 50.0, 7.0, 8.0]))
-    assert "of 4 errors 1 lie above it, 1 below, and 2 are not told apart" in said
+    assert "of 4 errors 1 lie above it, 1 below, and 2 are indistinguishable" in said
     assert "by 5.0 to 50 times" in said
 
 
 @pytest.mark.parametrize(
-    ("std", "word", "cases"), [(0.3, "not told apart from zero", "0 of 2"), (0.2, "above zero", "1 of 2")]
+    ("std", "word", "cases"), [(0.3, "indistinguishable from zero", "0 of 2"), (0.2, "above zero", "1 of 2")]
 )
 def test_a_bias_is_told_apart_by_its_standard_error(std, word, cases):
     errors = (("arcs", 10, 0.0), ("arcs", 40, 0.5), ("plain", 10, -9.0), ("plain", 40, 9.0))
@@ -126,7 +126,7 @@ def impulse_rows(coverage: float, mean_error: float) -> pd.DataFrame:
 @pytest.mark.parametrize(
     ("coverage", "held", "mean_error", "bias"),
     [
-        (0.92, "as stated", 0.015, "not told apart from zero"),
+        (0.92, "as stated", 0.015, "indistinguishable from zero"),
         (0.90, "fewer than stated", 0.03, "above zero"),
         (1.00, "more than stated", -0.03, "below zero"),
     ],
@@ -156,7 +156,7 @@ def test_a_hypothesis_that_holds_the_header_does_not_hide_its_misfit():
 def test_without_a_better_hypothesis_the_data_stand_alone():
     there = pd.DataFrame([ratio_row("as_published", 1020.0, 1.0)])
     said = finding("measured_ratio", there)
-    assert "the data as they are, which leaves the least misfit, not told apart from the header" in said
+    assert "the data as they are, which leaves the least misfit, indistinguishable from the header" in said
     assert said.endswith("in the interval of the data as they are.")
     failed = pd.DataFrame([ratio_row("as_published", 1.0, 1.0, "not converged")])
     assert "No measured dataset" in finding("measured_ratio", failed)

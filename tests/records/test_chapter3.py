@@ -46,7 +46,7 @@ def test_a_law_without_code_of_its_own_stands_for_both_variants():
 
 @pytest.mark.parametrize(
     ("between", "end"),
-    [((-0.08, 0.01), "%, below zero."), ((-0.01, 0.01), "%, not told apart from zero."), (None, "on average.")],
+    [((-0.08, 0.01), "%, below zero."), ((-0.01, 0.01), "%, indistinguishable from zero."), (None, "on average.")],
 )
 def test_energy_between_impacts_is_told_apart_from_zero_by_its_interval(between, end):
     rows = {"energy_loss": (0.99, 0.01), "energy_taken": (0.4, 0.01)}
@@ -86,7 +86,11 @@ def test_a_short_run_does_not_judge_convergence():
 
 @pytest.mark.parametrize(
     ("mirrored", "word"),
-    [((0.1, 0.05), "falls to 0.10"), ((0.6, 0.05), "is not told apart, with 0.60"), ((0.9, 0.05), "rises to 0.90")],
+    [
+        ((0.1, 0.05), "falls to 0.10"),
+        ((0.6, 0.05), "does not differ significantly, at 0.60"),
+        ((0.9, 0.05), "rises to 0.90"),
+    ],
 )
 def test_bounds_are_no_laws_and_the_mirrored_one_is_judged(mirrored, word):
     laws = ("mirtich", 1.0), (NEWTON, 1.5), ("mirtich_as_published", 2.0)
@@ -105,9 +109,10 @@ def mapped(left: list[float], right: list[float]) -> pd.DataFrame:
 def test_sides_of_the_map_are_compared_by_their_impacts():
     near = said_in({f"small_momentum:{POISSON}": (1.05, 0.1)})
     said = finding("figure_3_9", mapped([2.0, 2.1, 1.9], [1.0, 1.1, 0.9]), near)
-    assert "times that of the others, not told apart; the thesis" in said
+    assert "times that of the others, not significantly different; the thesis" in said
     assert said.endswith("it is 2.00 (1.75 to 2.25) times that on the right.")
-    assert finding("figure_3_9", mapped([1.0, 2.0], [1.1, 1.9]), near).endswith("on the right, not told apart.")
+    said = finding("figure_3_9", mapped([1.0, 2.0], [1.1, 1.9]), near)
+    assert said.endswith("on the right, not significantly different.")
 
 
 def test_a_map_with_one_side_is_not_compared():
@@ -119,7 +124,7 @@ def single(mu: list[float], misfit: list[float]) -> pd.DataFrame:
     return pd.concat([each, pd.DataFrame([{"panel": "a", "series": "ensemble", "mu": 0.1}])], ignore_index=True)
 
 
-@pytest.mark.parametrize(("mean", "word"), [(-0.05, "below"), (0.01, "not told apart from"), (0.05, "above")])
+@pytest.mark.parametrize(("mean", "word"), [(-0.05, "below"), (0.01, "indistinguishable from"), (0.05, "above")])
 def test_the_mean_of_single_parameters_is_told_apart_from_the_ensembles(mean, word):
     rows = {
         f"individual_minus_ensemble_mu:{NEWTON}": (mean, 0.01),
@@ -134,7 +139,7 @@ def test_the_mean_of_single_parameters_is_told_apart_from_the_ensembles(mean, wo
     assert "misfit" not in finding("figure_3_10", single([0.1, 0.2], [1.0, 1.0]), said_in(rows))
 
 
-@pytest.mark.parametrize(("share", "word"), [(0.1, "fewer"), (0.35, "not told apart"), (0.7, "more")])
+@pytest.mark.parametrize(("share", "word"), [(0.1, "fewer"), (0.35, "not significantly different"), (0.7, "more")])
 def test_reversals_are_compared_with_those_predicted(share, word):
     rows = {"beyond_sticking": (0.2, 0.02), "back_spin": (0.4, 0.02), f"predicted_back_spin:{NEWTON}": (share, 0.03)}
     none = said_in({**rows, f"predicted_beyond_sticking:{NEWTON}": (0.0, 0.01)})

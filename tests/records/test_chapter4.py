@@ -69,7 +69,7 @@ def test_names_are_those_of_the_legends() -> None:
         # within two standard errors of the bound it is not below it
         ({"std": 0.1, "wrench_x1": 0.85}, [2.0], ["none is below it", "On none of the held-out impacts"]),
         ({"hoc": 1.2}, [2.0], ["Rigid, X1 errs less than Best Post Hoc"]),
-        ({"hoc": 1.01}, [2.0], ["Rigid, X1 is not told apart from Best Post Hoc"]),
+        ({"hoc": 1.01}, [2.0], ["Rigid, X1 is indistinguishable from Best Post Hoc"]),
         ({"hoc": 0.8}, [2.0], ["Rigid, X1 errs more than Best Post Hoc"]),
         ({}, [0.5, float("nan")], ["On 50"]),  # an impact without a solution is none below the bound
     ],
@@ -103,7 +103,7 @@ def test_curves_fall_only_beyond_their_intervals(last: float, reached: int, word
         (
             0.05,
             {"law": 1.0, "law_wrench": 0.7, "effects": 0.3, "effects_wrench": 0.25},
-            ("less than the law alone", "less than that residual", "not told apart from what was named alone")
+            ("less than the law alone", "less than that residual", "indistinguishable from what was named alone")
             + ("0.50 times the IRB Bound", "5.00 times the noise floor."),
         ),
         (
@@ -130,7 +130,7 @@ def test_scatter_and_bias_at_rest() -> None:
     assert "compliant contact 0.00 (−0.10 to 0.10) ± 0.800, the least scatter" in said
     assert "(thesis −0.97 ± 4.44)" in said
     dice.loc[(dice["model"] == "residual_wrench") & (dice["quantity"] == "std"), "high"] = 1.95
-    assert "wrench residual is not told apart from that of the law alone" in finding("figure_4_8", dice)
+    assert "wrench residual is indistinguishable from that of the law alone" in finding("figure_4_8", dice)
 
 
 def test_nearest_model_and_its_limit() -> None:
@@ -143,11 +143,11 @@ def test_nearest_model_and_its_limit() -> None:
     }
     said = finding("dice", throws(**models))
     assert "Nearest comes the compliant contact: it misses the end by 0.50 (0.40 to 0.60)" in said
-    assert "not told apart" not in said
+    assert "not significantly different" not in said
     assert "by 0.20 sides and keeps 80" in said
     models["median_abs"]["compliant"] = (0.85, 0.1)
     models["median_abs"]["residual_wrench"] = (0.9, 0.1)
-    assert "not told apart from the law alone" in finding("dice", throws(**models))
+    assert "indistinguishable from the law alone" in finding("dice", throws(**models))
     models["median_abs"]["law"] = (0.5, 0.1)
     assert "No model misses by less." in finding("dice", throws(**models))
 
@@ -178,8 +178,8 @@ def contacts(measured: float, model: float) -> pd.DataFrame:
     [
         (0.2, 0.0, ("rises along the surface: 0.0199", "less than the measured one")),
         (-0.2, 0.0, ("falls along the surface: −0.02", "more than the measured one")),
-        (0.2, 0.2, ("rises along the surface", "not told apart from the measured one")),
-        (0.0, 0.0, ("neither rises nor falls for sure", "not told apart from the measured one")),
+        (0.2, 0.2, ("rises along the surface", "indistinguishable from the measured one")),
+        (0.0, 0.0, ("neither rises nor falls for sure", "indistinguishable from the measured one")),
     ],
 )
 def test_slopes_of_restitution(measured: float, model: float, words: tuple[str, str]) -> None:

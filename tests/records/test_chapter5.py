@@ -42,7 +42,7 @@ def test_the_threshold_is_the_one_that_was_fixed() -> None:
     ("mean", "half", "n", "word"),
     [
         (10.0, 2.0, 5, "below the 21"),
-        (20.0, 2.0, 5, "not told apart from the 21"),
+        (20.0, 2.0, 5, "indistinguishable from the 21"),
         (25.0, 2.0, 5, "above the 21"),
         (10.0, NAN, 1, "the mean of 1 tower, too few to compare with the 21"),
     ],
@@ -80,7 +80,7 @@ def test_rivals_are_grouped_by_what_their_intervals_say() -> None:
     )
     assert "On the same 5 to 19 towers" in said
     assert "more blocks than network by 2.0 (1.0 to 3.0) and PPO with 1,000 to 20,000 samples by at least 6.0" in said
-    assert "a number not told apart from that of MOR" in said
+    assert "a number indistinguishable from that of MOR" in said
     assert "fewer blocks than oracle by 2.0 (1.0 to 3.0)" in said
 
 
@@ -91,7 +91,8 @@ def test_one_tower_tells_no_policies_apart() -> None:
 
 
 @pytest.mark.parametrize(
-    ("before", "after", "word"), [(0.5, 0.9, "more often"), (0.86, 0.9, "not told apart"), (0.9, 0.5, "less often")]
+    ("before", "after", "word"),
+    [(0.5, 0.9, "more often"), (0.86, 0.9, "not significantly different"), (0.9, 0.5, "less often")],
 )
 def test_extraction_before_and_after_learning(before: float, after: float, word: str) -> None:
     assert f": {word}." in finding("figure_5_6", success((100, before), (100, after)))
@@ -145,7 +146,7 @@ def test_a_pair_that_did_not_come_out_is_not_the_one_shown() -> None:
 @pytest.mark.parametrize(
     ("mean", "half", "word"),
     [
-        (0.45, 0.03, "not told apart from the thesis"),
+        (0.45, 0.03, "indistinguishable from the thesis"),
         (0.40, 0.03, "below the thesis"),
         (0.6, 0.03, "above the thesis"),
         (0.3, NAN, "too few to compare with the thesis"),
@@ -166,7 +167,7 @@ def test_abstractions_that_do_no_better_than_a_guess() -> None:
     said = finding("figure_abstractions", looks, agreement)
     assert "“no move” (counts as stuck) 90" in said
     assert "no block" not in said
-    assert "not told apart from that of a guess" in said
+    assert "indistinguishable from that of a guess" in said
 
 
 def unseen(new: tuple[int, int], samples: int = 34) -> pd.DataFrame:
@@ -184,7 +185,8 @@ def unseen_errors(after: float) -> pd.DataFrame:
 
 
 @pytest.mark.parametrize(
-    ("after", "word"), [(0.5, "less than the 1.00"), (0.9, "not told apart from the 1.00"), (1.5, "more than the 1.00")]
+    ("after", "word"),
+    [(0.5, "less than the 1.00"), (0.9, "indistinguishable from the 1.00"), (1.5, "more than the 1.00")],
 )
 def test_error_after_relearning(after: float, word: str) -> None:
     said = finding("figure_unseen", unseen((0, 1)), unseen_errors(after))

@@ -24,7 +24,7 @@ STAGES = {  # share of the time that had passed by then, on the example of the R
 }
 DESCRIPTION = """\
 Fit all impact laws to a dataset, see where the best one fails, name the physical effects that are missing, and add
-them. Effects are chosen on 70 % of the trials; every error told is that of the other 30 %. 300 drops take half a
+them. Effects are chosen on 70 % of the trials; every error reported is for the other 30 %. 300 drops take half a
 minute. The recording of a mechanism (an arm that pushes a disk, a rimless wheel) is criticised likewise: which force is
 missing from its believed equations of motion.
 

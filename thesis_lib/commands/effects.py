@@ -17,7 +17,7 @@ List every candidate effect: equation, parameters with unit and bounds, and sour
 
 An effect or an impact law of your own is a Python file, anywhere but in a folder with data. --new begins one, --check
 holds it against what all effects and laws of the library must do (a line a check, with the reason where it fails), and
-critique, predict and simulate take it with --effects FILE.py. Such a file is a program that runs with your rights:
+critique, predict and simulate take it with --effects FILE.py. Such a file is a program that runs with your permissions:
 read what others wrote before you let it run.
 
 Exit code: 0; 1 if a check fails; 2 if a file cannot be loaded.
@@ -31,7 +31,7 @@ examples:
   python -m thesis_lib critique data/my_drops --effects sticky_corners.py
 """
 OPTION = (
-    "Python file with effects or laws of your own, which join the library; it runs with your rights, so read what "
+    "Python file with effects or laws of your own, which join the library; it runs with your permissions, so read what "
     "others wrote; may be given several times"
 )
 

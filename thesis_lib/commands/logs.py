@@ -9,10 +9,10 @@ from thesis_lib.foundation.errors import UserError
 from thesis_lib.foundation.progress import Progress
 
 DESCRIPTION = """\
-Convert a rig's logs into a dataset folder, then check it. Which form a file has is told by its ending and first line:
+Convert a rig's logs into a dataset folder, then check it. Its format is recognised by file extension and first line:
 
-  tables                     text with a header line: trial,t,x,y,theta under any names, in any units; of a disk theta
-                             may lack. Delimiter, decimal commas, encoding, lines above the header and a row of units
+  tables                     text with a header line: trial,t,x,y,theta under any names, in any units; a disk may lack
+                             theta. Delimiter, decimal commas, encoding, lines above the header and a row of units
                              below it are found and named in a note (Excel, Tracker, LabVIEW, TUM, rostopic echo -p)
   tables of a video tracker  the points of DeepLabCut and its like (POINT.x, POINT.y, likelihood) become the pose
   tables with quaternions    the same with z and four columns of a quaternion: --quaternion xyzw or wxyz; of several
@@ -29,10 +29,10 @@ Convert a rig's logs into a dataset folder, then check it. Which form a file has
                              (needs no ROS, but: pip install rosbags)
 
 All but the first two are motions in space, and stay so if the shape is one of space. For a planar shape the plane of
-the motion is found from the free flights, or given; the energy out of it is told for each impact, and trials with more
-than 5 % are left out. Rotations that would fit if they were read otherwise (another order, a left-handed frame) are
-refused with the option that mends it. Stamps of arrival give way to the numbers of the pictures where the flights show
-that. One long recording is cut into drops: look at cuts.png in DIR.
+the motion is found from the free flights, or given; the energy out of it is stored for each impact, and trials with
+more than 5 % are left out. Rotations that would fit if they were read otherwise (another order, a left-handed frame)
+are refused, with the option that fixes it. Arrival timestamps are replaced by times from the frame numbers where the
+flights show that. One long recording is cut into drops: look at cuts.png in DIR.
 """
 EXAMPLES = """\
 examples:
@@ -56,7 +56,7 @@ examples:
   a log with quaternions, scalar first, y up:
     python -m thesis_lib datasets init log.csv -o data/my_drops --quaternion wxyz --up y --units mm \\
         --columns "t=time,q1=q0,q2=q1,q3=q2,q4=q3" --shape square:0.06
-  a take of motion capture with several bodies, whose plate moves across the room's x axis:
+  a motion capture take with several bodies, whose plate moves across the room's x axis:
     python -m thesis_lib datasets init take.csv -o data/my_drops --body plate --plane x --shape square:0.06
   a ball tracked in space in centimetres, z up:
     python -m thesis_lib datasets init ball.csv -o data/my_drops --units cm --up z --shape disk:0.02
@@ -65,7 +65,7 @@ examples:
   tosses as torch tensors, positions in half widths of 0.0524 m, then the quaternion, 148 rows a second:
     python -m thesis_lib datasets init tosses/ -o data/cube --columns "x=1,y=2,z=3,q1=4,q2=5,q3=6,q4=7" \\
         --quaternion wxyz --rate 148 --scale 1/0.0524 --shape box:0.1048,0.1048,0.1048
-  a bag of ROS, the frame "plate" of /tf:
+  a ROS bag, the frame "plate" of /tf:
     python -m thesis_lib datasets init drops.mcap -o data/my_drops --body /tf:plate --shape square:0.06
 """
 
@@ -121,7 +121,7 @@ def add_init(commands: argparse._SubParsersAction) -> None:
     center = "m, in the axes of a shape in space; default: that of one density, with --radii-of-gyration the middle"
     init.add_argument("--center-of-mass", metavar="X,Y,Z", help=center)
     homogeneous = "the body is of one density, and its size known to U (relative, one sigma, such as 0.002): effects "
-    homogeneous += "that contradict the inertia that follows are told as stand-ins, not as causes"
+    homogeneous += "that contradict the inertia that follows are reported as stand-ins, not as causes"
     init.add_argument("--homogeneous", type=float, metavar="U", dest="size_uncertainty", help=homogeneous)
     init.add_argument("--rate", type=float, help="Hz; needed if the log has no times, or counts frames")
     gravity = "m/s², in the plane; default: 9.81, in a tilted plane less, with --wall 0"

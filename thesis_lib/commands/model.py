@@ -125,7 +125,7 @@ def simulate(argv: Sequence[str] | None = None) -> int:
     parser.add_argument("--engine", choices=("own", "drake"), default="own", help="default: %(default)s")
     add_option(parser)
     parser.add_argument("--like", metavar="DATASET", help="releases, noise and rate as in this dataset")
-    parser.add_argument("-q", "--quiet", action="store_true", help="nothing on stderr but errors")
+    parser.add_argument("-q", "--quiet", action="store_true", help="print only errors to stderr")
     args = parser.parse_args(argv)
     if args.seed < 0:
         raise UserError(f"--seed must be 0 or more, got {args.seed}.")
@@ -192,7 +192,7 @@ def export(argv: Sequence[str] | None = None) -> int:
     parser.add_argument("--plane", metavar="AXES", help="of the body to be patched, planar; default: xz")
     points = "in which an edge of it touches; default: 1 or 2, by its geometry"
     parser.add_argument("--points", type=int, metavar="N", help=points)
-    parser.add_argument("-q", "--quiet", action="store_true", help="nothing on stderr but errors")
+    parser.add_argument("-q", "--quiet", action="store_true", help="print only errors to stderr")
     args = parser.parse_args(argv)
     if bool(args.patch) != bool(args.body):
         raise UserError("--patch FILE and --body NAME belong together: the file, and the body in it.")

@@ -61,7 +61,7 @@ def rollout(argv: Sequence[str] | None = None) -> int:
         "-o", "--out", metavar="DIR", help="writes rollout.json, pictures against time and hits, with --fit model.json"
     )
     parser.add_argument("--json", action="store_true", help="print the content of rollout.json in place of the table")
-    parser.add_argument("-q", "--quiet", action="store_true", help="nothing on stderr but errors")
+    parser.add_argument("-q", "--quiet", action="store_true", help="print only errors to stderr")
     add_option(parser)
     args = parser.parse_args(argv)
     if bool(args.mjcf) != bool(args.body):

@@ -200,7 +200,9 @@ def _hit_lines(hits: dict) -> list[str]:
     if "why" in hits:
         return [*lines, f"critique    none: {hits['why']}"]
     kinds = _counts(hits["by_contact"])
-    lines.append(f"hits        {hits['used']} can be used in {hits['trials']} trials{f' ({kinds})' if kinds else ''}")
+    n = sum(hits["by_contact"].values()) or hits["used"]
+    episodes = f", as {hits['used']} single hits and episodes" if n != hits["used"] else ""
+    lines.append(f"hits        {n} can be used in {hits['trials']} trials{f' ({kinds})' if kinds else ''}{episodes}")
     lines += [f"  left out  {reason} {sum(of.values())} ({_counts(of)})" for reason, of in hits["left_out"].items()]
     if elsewhere := hits["elsewhere"]:
         lines.append(

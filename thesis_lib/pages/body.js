@@ -116,7 +116,7 @@ for (const figure of document.querySelectorAll("figure.replay")) {
     part("ghost").setAttribute("d", outline(toss.predicted[frame]));
     part("now").setAttribute("transform", `translate(${toss.at[frame]})`);
     const predicted = toss.predicted[frame] ? `predicted ${toss.heights[1][frame]} mm` : "no prediction";
-    const told = `${toss.t[frame]} s: lowest point measured ${toss.heights[0][frame]} mm, ${predicted}`;
+    const told = `${toss.t[frame]} s: lowest point measured ${toss.heights[0][frame]} mm, ${predicted}`.replaceAll("-", "−");
     slider.setAttribute("aria-valuetext", told);
     part("told").textContent = told;
   }

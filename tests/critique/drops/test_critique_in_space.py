@@ -174,7 +174,7 @@ def test_what_a_body_in_space_cannot_show_is_said_with_the_reason(observed):
     assert {"angle_offset", "later_friction", "misread_rotation", "rounded_corners", "torsional_friction"} <= set(
         testable
     )
-    assert why_not["surface_patch"] == "does not hold in 3 dimensions"
+    assert why_not["surface_patch"] == "is not defined in 3 dimensions"
     ball = Sphere(radius=0.04).about(np.array([0.0, 0.0, 1e-3]))
     rig = replace(observed.rig, shape=ball, has_angle=False, recorded=None)
     _, why_not = usable_effects(replace(observed, rig=rig), timed=False)

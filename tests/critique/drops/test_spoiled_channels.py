@@ -92,7 +92,7 @@ def test_where_a_contact_ends_vetoes_nothing_that_mends_velocities_in_space():
 
 
 def test_far_from_noise_no_single_channel_vetoes_what_raises_the_score_of_all_in_space():
-    """On measured tosses of a cube its wrong size gained 3.9 nats an impact, and took the gap from 5.6 to 5.1 times
+    """On measured tosses of a cube its wrong size gained 3.9 nats per impact, and took the gap from 5.6 to 5.1 times
     noise and the poses at impact from 6.9 to 8.2.  Of a marker off the centre and a wrong gravity the marker took the
     gap of simulated tosses from 33 to 1.3, and the flights from 9.2 to 9.9."""
     settings, before = CritiqueSettings(), judged(17.2, flight=6.9, meet=6.9, touch=5.6)

@@ -44,7 +44,7 @@ def test_the_hidden_cause_of_a_wheel_is_named_in_file_page_and_terminal(wheel, r
     assert "payload" in (run_folder / "report.html").read_text()
     assert main(["critique", str(wheel), "-o", str(tmp_path / "again"), "-q"]) == 0
     shown = capsys.readouterr().out
-    assert "wheel: effects" in shown and "payload.m_p = " in shown and "nats a window" in shown
+    assert "wheel: effects" in shown and "payload.m_p = " in shown and "nats per window" in shown
     assert contents(tmp_path / "again") == contents(run_folder)
 
 

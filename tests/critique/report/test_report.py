@@ -76,7 +76,7 @@ def test_every_picture_has_a_text_and_every_table_scopes(page, made):
         "412 impacts of 300 trials",
         "25 % of the detected impacts were left out (100 × second hit",
         "e_t = 0.410 [0.371, 0.449]",
-        "1.83 [1.60, 2.10] nats an impact (p = 0.0010",
+        "1.83 [1.60, 2.10] nats per impact (p = 0.0010",
         "cannot tell it from tangential compliance",
         "linear drag",
         "second hit too near to tell apart",
@@ -151,7 +151,7 @@ def test_real_critiques_of_impacts_alone_and_of_nothing_hidden_are_told(hidden_i
     for critique in (hidden_impacts, nothing_hidden):
         regions, found = all_regions(critique), tables(critique, np.random.default_rng(0))
         text = Page(page_of((critique, regions, found, pictures(critique, found, regions)), diagnosis)).text
-        assert "which no choice has seen" in text
+        assert "which were used for no choice" in text
 
 
 def test_what_the_user_switched_on_is_no_finding_and_no_fault(made, diagnosis):
@@ -246,7 +246,7 @@ def test_parameters_that_move_little_but_surely_do_not_hardly_move(hidden_drops)
         return Page(report_effects.moved(with_last(critique, values=values, std=std))).text
 
     assert "stay within 3 standard errors" in said(1.0, 1.0001)
-    assert "Surely, but by less than 2.0 %, which hardly matters, moves ε from" in said(1.0, 1.01)
+    assert "By a significant amount, but less than 2.0 %, moves ε from" in said(1.0, 1.01)
     both = said(1.2, 1.01)
     assert "had compensated for what was missing move: μ from" in both and "hardly matters, moves ε" in both
 

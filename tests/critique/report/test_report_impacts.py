@@ -73,7 +73,7 @@ def test_many_impacts_are_thinned_by_a_rule_and_the_page_stays_small(made, html)
 def test_the_finding_about_impacts_is_counted(made):
     errors = {"base": np.array([1.0] * 18 + [4.0, 7.0]), "final": np.array([0.5] * 15 + [2.0] * 5)}
     said = report_impacts._finding(errors, np.arange(20))
-    assert "The 10 % of impacts with the largest errors hold 38 % of the sum" in said
+    assert "The 10 % of impacts with the largest errors account for 38 % of the sum" in said
     assert "smaller in 85 % of the impacts" in said
     assert "With the effects" not in report_impacts._finding({"base": errors["base"]}, np.arange(20))
 

@@ -12,7 +12,7 @@ REASONS = {
     "energy_gain": "leaves faster than any impact lets it",
     "lost_frames": "long gap: too few samples on a side",
     "second_hit": "second hit too near to tell apart",
-    "unpredictable": "hits whose outcome the noise before them leaves open",
+    "unpredictable": "hits that the noise of the flight before makes unpredictable",
     "window_too_short": "trial, or a rest, begins or ends too near",
     "stays_down": "the body stays down after the hit",
     "not_ballistic": "no free flight on a side (held, rolling, bad track)",

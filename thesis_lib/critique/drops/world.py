@@ -319,7 +319,7 @@ def testable_effects(observations: Observations, timed: bool) -> tuple[dict[str,
     library = effects_in(rig.space) if rig.space.is_plane else EFFECTS
     for name, effect in [*library.items(), *((effect.name, effect) for effect in effects_at(rig.walls))]:
         if rig.space.dimension not in effect.dimensions:
-            why_not[name] = f"does not hold in {rig.space.dimension} dimensions"
+            why_not[name] = f"is not defined in {rig.space.dimension} dimensions"
         elif effect.needs_history and rig.recorded is None:
             why_not[name] = "no trajectories of whole tosses: it depends on what was before a hit"
         elif not effect.applies_to(rig):

@@ -60,7 +60,7 @@ class Proposal:
     Attributes:
         terms: in the order in which they entered; fitted: the model with them, on all training trials.
         before, after: held-out judgements of the critique's final model, and with the proposal.
-        held_out_gain: nats an impact on held-out trials, with 95 % interval.
+        held_out_gain: nats per impact on held-out trials, with 95 % interval.
         tried: number of terms; limit: `max_terms` if more may be found beyond it.
     """
 

@@ -30,7 +30,7 @@ COLUMNS = ("effect", "gain", "gain_low", "gain_high", "standing", "why")
 def candidates(critique: DropsCritique) -> pd.DataFrame:
     """A row for each of the first candidates, the largest gain first; none where the search had no choice.
 
-    Columns: effect, gain, gain_low, gain_high (held-out log score an impact over the law that fits the training trials
+    Columns: effect, gain, gain_low, gain_high (held-out log score per impact over the law that fits the training trials
     best, nats, with the 95 % interval), standing (`FOUND`, `ALIKE`, `REJECTED` or `OTHER`), why.
     """
     first = critique.discovery.first
@@ -53,7 +53,7 @@ def _standing(
     falls = [channel for channel in CHANNELS if channel_is_material(judged, alone, channel, settings)]
     for step in discovery.steps:
         if name == step.effect.name:
-            return FOUND, f"lowers errors of {_errors(falls)}" if falls else "predicts unseen trials better"
+            return FOUND, f"lowers errors of {_errors(falls)}" if falls else "predicts held-out trials better"
         if name in step.alternatives:
             return ALIKE, f"these data cannot tell it from “{effect_title(step.effect.name)}”"
     for one in discovery.rejected:
@@ -61,7 +61,7 @@ def _standing(
             spoilt = spoilt_channels(one.judged, one.than, settings)
             return REJECTED, f"raises errors of {_errors(spoilt)}" if spoilt else "lowers no held-out error"
     if gain_low <= 0.0:
-        return OTHER, "predicts unseen trials no better"
+        return OTHER, "is not significant on held-out trials"
     if spoilt := spoilt_channels(judged, alone, settings):
         return OTHER, f"raises errors of {_errors(spoilt)}"
     if not falls:

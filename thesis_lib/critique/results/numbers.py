@@ -50,7 +50,7 @@ def law_errors(critique: DropsCritique) -> tuple[pd.DataFrame, np.ndarray]:
 
 
 def gain_an_impact(judged: Judgement, base: Judgement) -> tuple[float, float, float]:
-    """Log score an impact in nats that a model gains over another one, with the 95 % interval over trials."""
+    """Log score per impact in nats that a model gains over another one, with the 95 % interval over trials."""
     trials, n = base.trials, len(base.score)
     difference = judged.by_trial(trials) - base.by_trial(trials)
     gain, m = float(difference.sum() / n), len(trials)

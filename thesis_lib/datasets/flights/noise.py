@@ -292,11 +292,11 @@ def noise_warnings(
             "widened accordingly."
         )
     if noise.stray.any():
-        sizes = ", ".join(f"{value:.2g}" for value in noise.stray)
-        usual = "air, guides, cables or a tilt" if falls else "friction with the table, a tilt"
+        sizes = ", ".join(f"{value:.2g} {unit}" for value, unit in zip(noise.stray, ("m/s²", "m/s²", "rad/s²")))
+        usual = "air, guides, cables or a tilt" if falls else "friction with the table or a tilt"
         sentences.append(
-            f"In flight the body accelerates by more than gravity (one sigma of x, y, theta: {sizes} m/s², m/s², "
-            f"rad/s²: {usual}); the arcs allow for it."
+            f"In flight the body has accelerations besides gravity, as by {usual} (one sigma for x, y and theta: "
+            f"{sizes}); the fits of the flights allow for them."
         )
     if len(glitches):
         sentences.append(

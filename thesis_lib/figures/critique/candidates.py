@@ -16,8 +16,8 @@ from thesis_lib.statistics.wording import listed, number
 
 COLORS = {FOUND: BLUE, ALIKE: YELLOW, REJECTED: RED, OTHER: GREY}
 LABEL_WIDTH, WHY_WIDTH = 34, 44  # characters a line
-LINEAR = 0.1  # nats an impact, up to which the axis is linear
-FAR_BELOW = -1.0  # nats an impact, where the axis ends below
+LINEAR = 0.1  # nats per impact, up to which the axis is linear
+FAR_BELOW = -1.0  # nats per impact, where the axis ends below
 EXTREMES = (("gain_low", "min"), ("gain_high", "max"))
 TICKS = (-1.0, -0.1, 0.0, 0.1, 1.0, 10.0, 100.0)
 
@@ -50,10 +50,10 @@ def draw_candidates(critique: DropsCritique, table: pd.DataFrame | None) -> Draw
     ax.set_xticks(ticks, [f"{t:g}".replace("-", "−") for t in ticks])
     ax.xaxis.set_minor_locator(NullLocator())
     ax.set_yticks(y, [textwrap.fill(effect_title(name), LABEL_WIDTH) for name in table["effect"]])
-    ax.set_xlabel("gain over the best law alone (nats an impact, held out)")
+    ax.set_xlabel("gain over the best law alone (nats per impact, held out)")
     shown = [name for name in COLORS if (table["standing"] == name).any()]
     handles = [Line2D([], [], marker="o", linestyle="", color=COLORS[name], label=name) for name in shown]
-    handles.append(Line2D([], [], color=GREY, linestyle=(0, (4, 2)), label="what the best gains by chance"))
+    handles.append(Line2D([], [], color=GREY, linestyle=(0, (4, 2)), label="gain of the best by chance"))
     figure.legend(handles=handles, loc="outside lower center", ncols=len(handles))
     set_title(figure, candidates_sentence(table))
     return figure, table
@@ -65,11 +65,11 @@ def candidates_sentence(table: pd.DataFrame) -> str:
     if found.empty:
         first = table.iloc[0]
         title, gain = effect_title(first["effect"]), number(first["gain"], 2)
-        return f"Of all effects “{title}” gains most, {gain} nats an impact, but {first['why']}"
+        return f"Of all effects “{title}” gains most, {gain} nats per impact, but {first['why']}"
     names = listed([f"“{effect_title(name)}”" for name in found["effect"]])
     gains = listed([number(gain, 2) for gain in found["gain"]])
     each = " each" if len(found) > 1 else ""
-    sentence = f"{names} alone{each} gains {gains} nats an impact on held-out trials"
+    sentence = f"{names} alone{each} gains {gains} nats per impact on held-out trials"
     if others.empty:
         return sentence
     return f"{sentence}; next comes “{effect_title(others['effect'].iloc[0])}” with {number(others['gain'].iloc[0], 2)}"

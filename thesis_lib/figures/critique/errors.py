@@ -127,7 +127,7 @@ def draw_laws(critique: DropsCritique) -> Drawn:
     left.set_yticks(y, [law_title(name) + ("  (base)" if name == base else "") for name in table["model"]])
     left.set(ylim=(len(table) - 0.5, -0.5), xlim=(0.0, None), xlabel="held-out error (m/s)")
     right.axvline(0.0, color=GREY, linewidth=0.8)
-    right.set_xlabel("log score above the base law\n(nats an impact)")
+    right.set_xlabel("log score above the base law\n(nats per impact)")
     right.tick_params(axis="y", left=False)
     figure.legend(*left.get_legend_handles_labels(), loc="outside lower center", ncols=3)
     set_title(figure, laws_sentence(table))
@@ -292,7 +292,7 @@ def bound_lines(
         "irb_bound": (irb, "black", "-", "IRB bound"),
         "irb_bound_augmented": (irb_augmented, INK, (0, (6, 1.5)), "IRB bound with the effects"),
         "best_post_hoc": (best, "0.45", (0, (3, 1, 1, 1, 1, 1)), "Best Post Hoc"),
-        "no_impact": (nothing, "black", (0, (1, 1.5)), "if nothing happened"),
+        "no_impact": (nothing, "black", (0, (1, 1.5)), "no impulse"),
     }
     drawn = {}
     for name, (value, color, dash, label) in looks.items():

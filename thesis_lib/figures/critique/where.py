@@ -30,7 +30,7 @@ Box = tuple[float, float, float, float]
 # quantile of the errors at which the colour scale ends, so that a few large errors do not dominate it
 DARK = 0.95
 POINTS = (  # of the energy disc: height, name, alignment, offset of the name
-    (-1, "nothing", "center", "top", (0, -4)),
+    (-1, "no impulse", "center", "top", (0, -4)),
     (0, "dead stop", "left", "center", (5, 0)),
     (1, "reversal", "center", "bottom", (0, 4)),
 )
@@ -96,7 +96,7 @@ def draw_where(critique: DropsCritique, where: Mapping) -> Drawn:
         ax = axes[0, column]
         shown = _tiles(ax, x, y, error, top)
         _outline(ax, regions, over)
-        ax.set(xlabel=axis_label(over[0]), title=f"{names[kind]}: held-out mean {number(means[kind])} m/s")
+        ax.set(xlabel=axis_label(over[0]), title=f"{names[kind]}: {number(means[kind])} m/s, single hits held out")
         if "wall" in over:
             walls = [wall.name for wall in o.rig.walls]
             axis = ax.yaxis if over[1] == "wall" else ax.xaxis
@@ -109,7 +109,7 @@ def draw_where(critique: DropsCritique, where: Mapping) -> Drawn:
         if len(errors) == 1:
             ax.set_title("energy disc" if o.space.is_plane else "on the body")
     axes[0, 0].set_ylabel(axis_label(over[1]))
-    axes[1, 0].set_ylabel("energy disc:  impulse  → more" if o.space.is_plane else "above the xy plane (°)")
+    axes[1, 0].set_ylabel("energy disc:  impulse  → more" if o.space.is_plane else "elevation of the contact point (°)")
     bar = figure.colorbar(shown, ax=axes, shrink=0.7, aspect=30, pad=0.02, extend="max")
     bar.set_label("mean error of an impact, training and held out (m/s)")
     bar.outline.set_linewidth(0.5)
@@ -197,7 +197,7 @@ def _on_body(ax: Axes, direction: np.ndarray, error: np.ndarray, top: float) -> 
     look = {"cmap": "cividis_r", "vmin": 0.0, "vmax": top, "edgecolors": INK, "linewidths": 0.4}
     ax.scatter(*place.T, 12.0 * np.sqrt(count), mean, **look)
     ax.set(xlim=(-185, 185), ylim=(-95, 95), xticks=[-180, -90, 0, 90, 180], yticks=[-90, -45, 0, 45, 90])
-    ax.set_xlabel("where the body is hit: about its z axis (°)")
+    ax.set_xlabel("azimuth of the contact point (°)")
 
 
 def _outline(ax: Axes, regions: Sequence[Mapping], over: tuple[str, str]) -> None:

@@ -150,7 +150,7 @@ def turnable(critique: DropsCritique, choices: Sequence[Choice] = ()) -> Markup:
     finding = f"{len(rows)} single hits, {len(held_out_errors)} of them held out, on the body."
     if len(held_out_errors):
         mean, most = (amount(one, "m/s") for one in (held_out_errors.mean(), held_out_errors.max()))
-        finding += f" Held-out ones err by {mean} in the mean, at most {most}."
+        finding += f" The error of held-out ones is {mean} on average and {most} at most."
     return render(
         TEMPLATE,
         width=WIDTH,

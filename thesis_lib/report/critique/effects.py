@@ -36,7 +36,7 @@ def effects(d: Mapping) -> Markup:
     if not d["effects"]:
         return more + paragraph(
             "No candidate passes all tests: a gain of log score beyond what the best of all candidates gains by "
-            "chance, a gain on trials it was not fitted to, a fall of an error that matters, and no rise of another."
+            "chance, a gain on trials to which it was not fitted, a material fall of one error, and no rise of another."
         )
     return Markup().join(map(_effect, d["effects"])) + more
 
@@ -60,7 +60,7 @@ def _shown_by(effect: Mapping) -> str:
     if not channels or "impact" in channels:
         return ""
     named = listed([CHANNELS[name].text for name in channels])
-    return f"What shows it is the misfit of {named}, not the error of the velocity after impact."
+    return f"The evidence is the misfit of {named}, not the error of the velocity after impact."
 
 
 def _effect_sentence(effect: Mapping) -> str:
@@ -72,7 +72,7 @@ def _effect_sentence(effect: Mapping) -> str:
         change = f"higher by {number(-size)} {interval(-high, -low)}"
     sentence = (
         f"{capital(effect_title(name))}{equation}: {listed(sizes(effect))}. Without it, and all else refitted, the "
-        f"held-out log score is {change} nats an impact (p = {number(gain['p_value'], 2)} against the best of all "
+        f"held-out log score is {change} nats per impact (p = {number(gain['p_value'], 2)} against the best of all "
         "candidates by chance)."
     )
     return f"{sentence} {told.unseen(effect)}".rstrip()
@@ -100,7 +100,7 @@ def remaining(critique: DropsCritique, d: Mapping) -> Markup:
     over_noise = {name: misfit for name, (misfit, _) in judged.over_noise().items()}
     sentences = elsewhere + [
         f"With all that was found the held-out misfit of {CHANNELS[channel].text} is {number(over_noise[channel], 2)} "
-        f"times what noise alone would give (far more than {most} counts as unexplained)."
+        f"times what noise alone would give (well above {most} counts as unexplained)."
         for channel in rest["channels"]
     ]
     if critique.is_learnable or not rest["channels"]:
@@ -109,7 +109,8 @@ def remaining(critique: DropsCritique, d: Mapping) -> Markup:
             ends, floor = (rest["error"], rest["error_without_it"]), d["error"]["noise_floor"]
             change = critique.settings.change(*ends, floor, lambda error: amount(error, "m/s"))
             sentences.append(
-                f"With what a Gaussian process learns of it the error {change} on training trials it was not fitted to."
+                f"With what a Gaussian process learns of it, the error {change} on training trials to which it was not "
+                "fitted."
             )
         if rest["depends_on"]:
             sentences.append(f"It depends most on: {'; '.join(map(feature_text, rest['depends_on']))}.")
@@ -118,7 +119,7 @@ def remaining(critique: DropsCritique, d: Mapping) -> Markup:
     else:
         sentences.append(
             f"A Gaussian process learns no part of it from the state (p = {p} by permutation): it is scatter whose "
-            "cause is not in the state before impact."
+            "cause is not part of the state before impact."
         )
     if rest["restitution"]:
         sentences.append(
@@ -163,7 +164,7 @@ def ladder_text(critique: DropsCritique, d: Mapping, ladder: pd.DataFrame) -> Ma
     if number(bound, 2) != number(put_right, 2):
         text += (
             f" The IRB bound is {amount(bound, unit)} with poses, geometry and inertia as believed, and "
-            f"{amount(put_right, unit)} as the effects have them."
+            f"{amount(put_right, unit)} with these as corrected by the effects."
         )
     return paragraph(text)
 
@@ -175,8 +176,8 @@ def moved(critique: DropsCritique) -> Markup:
     if first != last:
         return paragraph(
             f"With the effects {last} fits better than {first}, so it is the law of the final model: without them the "
-            "other law stood in for what was missing. μ and ε of different laws mean different things and are not "
-            "compared."
+            "other law made up for part of what was missing. μ and ε of different laws mean different things and are "
+            "not compared."
         )
     much, little = (_moves(compensated(critique, material)) for material in (True, False))
     sentences = []
@@ -184,9 +185,7 @@ def moved(critique: DropsCritique) -> Markup:
         sentences.append(f"Parameters that had compensated for what was missing move: {listed(much)}.")
     if little:
         move = "move" if len(little) > 1 else "moves"
-        sentences.append(
-            f"Surely, but by less than {percent(MATERIAL)}, which hardly matters, {move} {listed(little)}."
-        )
+        sentences.append(f"By a significant amount, but less than {percent(MATERIAL)}, {move} {listed(little)}.")
     within = f"μ and ε stay within {number(MOVED, 1)} standard errors of what they were"
     return paragraph(*(sentences or [f"{within}: they had not compensated for what was missing."]))
 
@@ -209,7 +208,8 @@ def untold(d: Mapping) -> Markup:
     rows = [(effect_title(e["name"]), e["why"]) for e in d["not_testable"]]
     if not content and d["effects"] and all(e["clears"] for e in d["effects"]):
         content = paragraph(
-            "Each effect that was found predicts these data better than any other in the library could in its place."
+            "Each effect that was found predicts these data better than any other effect in the library could in its "
+            "place."
         )
     return content + table("Effects that these data cannot test", ("effect", "why"), rows)
 
@@ -225,8 +225,8 @@ def proposed(d: Mapping) -> Markup:
         if any(one["name"] == UNTESTABLE for one in d["not_testable"]):
             of, change = "approach, place and number of the release", "restitution or friction"
         return paragraph(
-            f"Terms were looked for, products of {of}, that would change {change}. None passes the three tests of an "
-            "effect."
+            f"Additional terms, products of {of}, that would change {change}, were looked for. None passes the tests "
+            "of an effect."
         )
     error, gain, file = found["error"], found["gain"], found["file"]
     rows = [
@@ -254,8 +254,8 @@ def proposed(d: Mapping) -> Markup:
             f"The held-out error goes from {amount(error['before'], error['unit'])} to "
             f"{amount(error['after'], error['unit'])} (noise floor {amount(error['noise_floor'], error['unit'])}); the "
             f"held-out log score is higher by {number(gain['held_out_log_score_per_impact'])} "
-            f"{interval(*gain['interval'])} nats an impact than with all that the critique had named.",
-            "It is the form of what is missing on these data, not its cause: other laws may have nearly that form.",
+            f"{interval(*gain['interval'])} nats per impact than with all that the critique had named.",
+            "This is the form of what is missing in these data, not its cause: other laws may have nearly that form.",
         )
         + paragraph(
             f"{file}, beside this folder, holds it as an effect. Read it, give it a name, and change its equation if "

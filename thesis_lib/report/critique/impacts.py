@@ -105,7 +105,7 @@ def _finding(errors: Mapping[str, np.ndarray], known: np.ndarray) -> str:
     worst, total = max(round(WORST * len(base)), 1), float(base.sum())
     share = percent(float(base[-worst:].sum()) / total if total else None)
     few = percent(worst / len(base))
-    text = f"The {few} of impacts with the largest errors hold {share} of the sum of all errors of the base law."
+    text = f"The {few} of impacts with the largest errors account for {share} of the sum of all errors of the base law."
     if "final" in errors:
         better = float(np.mean(errors["final"][known] < errors["base"][known]))
         text += f" With the effects the error is smaller in {percent(better)} of the impacts."
@@ -120,9 +120,10 @@ def _reading(shown: int, total: int) -> str:
     return (
         f"Map: {which}; larger and darker points are larger errors, and what lies beyond the map is drawn on its edge. "
         "Ellipse: impulses of one impact. Those inside the ellipse add no energy; its centre is the dead stop. On the "
-        "dashed line the contact point stops sliding, on the dotted line compression ends. The impulse measured is "
-        "the point impulse nearest to the measured velocity change, at the believed contact point; predictions stand "
-        "as far from it as their velocities do from those measured."
+        "dashed line the contact point stops sliding, on the dotted line compression ends. The measured impulse is "
+        "the point impulse at the believed contact point that is nearest to the measured velocity change; predictions "
+        "are as far from it as their velocities are from those measured. “With the effects” is the final model, "
+        "whatever is switched on."
     )
 
 
@@ -159,7 +160,7 @@ def _numbers(critique: DropsCritique, base: Fit, residuals: Mapping, errors: Map
 def _switched(critique: DropsCritique, choices: Sequence[Choice], base: np.ndarray, rows: np.ndarray) -> dict:
     """Numbers that colour the map: each choice with its held-out error, and its error at each of the impacts `rows`."""
     o, names, noise = critique.observations.single, choices[-1].effects, critique.ladder[-1][2].floor
-    floor = f"; noise alone makes {number(noise)} m/s" if np.isfinite(noise) else ""
+    floor = f"; noise alone gives {number(noise)} m/s" if np.isfinite(noise) else ""
     said = []
     for one in choices:
         error = velocity_error(velocity_left(one.fitted.on(o)), o.rig.k_told)[rows]

@@ -95,7 +95,7 @@ def _effects(d: Mapping) -> Markup:
         gain = f"{number(e['gain']['held_out_log_score_per_window'])} {interval(*e['gain']['interval'])}"
         others = _others(e) or "–"
         rows.append((e["title"], e["equation"], "; ".join(sizes), gain, number(e["gain"]["p_value"], 2), others))
-    columns = ("effect", "equation", "size", "gain (nats a window)", "p", "cannot be told from")
+    columns = ("effect", "equation", "size", "gain (nats per window)", "p", "cannot be told from")
     return table("Effects, in the order in which they were found", columns, rows)
 
 

@@ -37,9 +37,9 @@ METHOD_SOURCES = (
     "Best Post Hoc and IRB bound: Fazeli, thesis, section 3.3.2.",
 )
 OF_RESIDUALS = (
-    "The pictures below show what the error depends on: measured minus predicted velocity of the contact point, and "
-    "the couple about it that the error needs. A point contact cannot give a couple; one that depends on the state "
-    "speaks of geometry, inertia or measurement."
+    "The figures below show what the error depends on: measured minus predicted velocity of the contact point, and "
+    "the couple about it that would explain the error. A point contact cannot exert a couple; one that depends on the "
+    "state points to geometry, inertia or measurement."
 )
 PARTS = ("noise", "parameters", "rigid_point_contact", "choice_of_law", "rest")
 
@@ -114,7 +114,7 @@ def report_html(
         "effect",
         word=word,
         kind="fault" if fault else "",
-        about=paragraph(f"What the dataset says of itself: {visible(own)}" if own.strip() else "", kind="about"),
+        about=paragraph(f"Description in the dataset: {visible(own)}" if own.strip() else "", kind="about"),
         key_numbers=_key_numbers(d, ladder),
         script=script(),
     )
@@ -158,7 +158,7 @@ def data(critique: DropsCritique, d: Mapping) -> Markup:
     first = f"{d['n_impacts']} impacts of {d['n_trials']} trials are used"
     few = f"{percent(share)} of the detected impacts were left out" if share else "none was left out"
     first += f". {much_left_out(d)[0]}" if share > MUCH_LEFT_OUT else f"; {few}."
-    seen = "which rejected an effect but chose none" if d["rejected"] else "which no choice has seen"
+    seen = "which rejected an effect but chose none" if d["rejected"] else "which were used for no choice"
     second = (
         f"Law and effects were chosen on {len(np.unique(train.trial))} trials; errors are those of the other "
         f"{len(np.unique(held.trial))} trials ({len(held)} impacts), {seen}. Section 2 alone "
@@ -171,14 +171,14 @@ def data(critique: DropsCritique, d: Mapping) -> Markup:
             for stated in (noise.stated[:2].mean(), noise.stated[2])
         ]
         third = (
-            f"One sample is known to {amount(1e3 * float(np.mean(noise.used[:2])), 'mm', 2)} in position "
+            f"Each sample is known to {amount(1e3 * float(np.mean(noise.used[:2])), 'mm', 2)} in position "
             f"({sources[0]}) and {amount(1e3 * float(noise.used[2]), 'mrad', 2)} in angle ({sources[1]}), "
             "one sigma each."
         )
     elif critique.observations.noise_known:
         third = "The noise of poses and velocities is that which the dataset states."
     else:
-        third = "The dataset states no noise and holds no trajectories to estimate it from: the noise floor is unknown."
+        third = "The dataset states no noise and has no trajectories to estimate it from: the noise floor is unknown."
     return paragraph(first, second, third) + bullets(critique.observations.found.warnings)
 
 
@@ -190,18 +190,18 @@ def laws(critique: DropsCritique, d: Mapping, ladder: pd.DataFrame) -> Markup:
     compared = "the noise floor is unknown"
     if floor:
         compared = f"that is {number(error['base'] / floor, 2)} times the noise floor of {amount(floor, unit)}"
-    chosen, after_the_fact = "which stands for all where the angle is not measured", ""
+    chosen, after_the_fact = "which represents all laws if the angle is not measured", ""
     if len(errors) > 1:
-        chosen = "chosen by its score on unseen trials"
+        chosen = "chosen by its score on the training trials"
         after_the_fact = (
-            f"The best of the {len(errors)} laws for each impact, picked after the fact, would err by "
+            f"Picking the best of the {len(errors)} laws for each impact after the fact would leave an error of "
             f"{amount(float(best.mean()), unit)}. "
         )
-    bounds = f"If nothing happened at the impact, the error would be {amount(critique.no_impact, unit)}"
+    bounds = f"Without any impulse the error would be {amount(critique.no_impact, unit)}"
     if np.isfinite(critique.irb):
         bounds = (
-            "Any rigid impulse at the believed contact point would err by at least "
-            f"{amount(critique.irb, unit)} (IRB bound, after the fact); and if nothing happened at the impact, by "
+            "Any rigid impulse at the believed contact point errs by at least "
+            f"{amount(critique.irb, unit)} (IRB bound, after the fact); without any impulse the error would be "
             f"{amount(critique.no_impact, unit)}"
         )
     return paragraph(
@@ -220,13 +220,13 @@ def budget(tables: Mapping[str, pd.DataFrame]) -> Markup:
         known = f"{parameters} is the uncertainty of its parameters; how much is noise is unknown."
     return paragraph(
         f"Of the mean square error of the base law, {known} {rigid} lies beyond any rigid impulse at the believed "
-        f"contact point, so that no friction or restitution can remove it; {law} would go with another law for each "
-        f"impact; {rest} is left."
+        f"contact point, so that no friction or restitution can remove it; {law} would vanish with the best law for "
+        f"each impact; {rest} is left."
     )
 
 
 def where_it_fails(where: Mapping) -> Markup:
-    text = "No rule marks a region in which the base law errs more than elsewhere, beyond what chance gives."
+    text = "No rule marks a region in which the base law errs more than elsewhere by more than chance."
     in_flight = then = ""
     if regions := where["regions"]:
         r = regions[0]
@@ -237,8 +237,8 @@ def where_it_fails(where: Mapping) -> Markup:
             f"(p = {number(r['p_value'], 2)}, counting all rules that were tried)."
         )
     used = (
-        "Maps, residuals and rules of this section use all impacts, those of training too; the errors given for a "
-        "region are those of held-out impacts where at least 30 lie inside and outside it (“errors of” in the table)."
+        "Maps, residuals and rules of this section use all impacts, including training; the errors given for a "
+        "region are those of held-out impacts if at least 30 lie inside and 30 outside it (“errors of” in the table)."
     )
     if flights := where["flight_regions"]:
         r = flights[0]
@@ -269,9 +269,9 @@ def power(d: Mapping) -> Markup:
     return paragraph(
         "An effect of the size below would have been found with a chance of about 80 % or more, with all other "
         "parameters fitted and all candidates counted. Two things can set that size. Evidence: a smaller effect would "
-        "not stand out of the noise; this size falls with the root of the number of drops. Weight: a smaller effect "
-        "would stand out but not raise any error by an amount that counts; more drops do not change that, so none are "
-        "named."
+        "not stand out from the noise; this size falls with the square root of the number of drops. Weight: a smaller "
+        "effect would stand out but not raise any error by an amount that matters; more drops do not change that, so "
+        "no number of drops is given."
     )
 
 

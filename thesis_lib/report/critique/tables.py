@@ -23,7 +23,7 @@ from thesis_lib.statistics.wording import listed, number
 BOUND_WORDS = {
     "best_post_hoc": "Best Post Hoc",
     "irb_bound": "IRB bound",
-    "no_impact": "if nothing happened",
+    "no_impact": "no impulse",
     "augmented": "with the effects",
 }
 TESTS = {
@@ -62,16 +62,16 @@ def captions(critique: DropsCritique) -> dict[str, str]:
     two = "left of the base law, right with the effects" if len(critique.ladder) > 1 else "of the base law"
     misfits = ""
     if critique.observations.arcs:
-        parts = "flights, of poses before against after impact, and of the gap at impact"
-        misfits = f" Right: misfit of {parts}, in units of noise."
+        parts = "flights, of the poses before and after each impact against each other, and of the gap at impact"
+        misfits = f" Right: misfit of {parts}, in standard deviations of the noise."
     parts, place = ROWS_AND_PLACES[in_plane]
     return {
         "data": states + out,
         "laws": "Left: mean held-out error of each law with its 95 % interval, and the bounds. Right: held-out log "
-        "score of each law less that of the base law.",
+        "score of each law minus that of the base law.",
         "budget": "The mean square of the base law's held-out error, split into parts that add up to it.",
-        "where": f"Mean error of the impacts in each hexagon, {two}; rectangles mark those regions of the rules that "
-        f"these axes can show. {place}",
+        "where": f"Mean error of the impacts in each hexagon, {two}; rectangles mark the regions of the table "
+        f"below that these axes can show. {place}",
         "residuals": f"Rows: {parts}; columns: the states on which it depends most. Grey: single impacts of "
         "the base law; lines: means in eight bins with 95 % intervals. The number in each panel is the share of the "
         "base law's variance that the state explains.",
@@ -79,9 +79,10 @@ def captions(critique: DropsCritique) -> dict[str, str]:
         "flights, training and held out. Rows: its parts; columns: the states at mid-flight on which it depends most; "
         "velocities are those of the centre of mass. Grey: single flights of the base law; lines: means in eight bins "
         "with 95 % intervals. Long flights show what the noise of short ones hides.",
-        "candidates": "What each effect gains alone on held-out trials, with the law that suits it best and its 95 % "
-        "interval; linear near zero, logarithmic beyond. Shown are those that fitted the training trials best. Dashed: "
-        "what the best of all candidates gains by chance in 5 % of the cases, on the training trials.",
+        "candidates": "What each effect gains if added alone, on held-out trials, with the law that suits it best and "
+        "its 95 % interval; the axis is linear near zero and logarithmic beyond. Shown are those that fitted the "
+        "training trials best. Dashed: what the best of all candidates gains by chance in 5 % of the cases, on the "
+        "training trials.",
         "ladder": "Mean held-out error with its 95 % interval after each added effect, on a logarithmic axis, with "
         f"noise floor and bounds as lines.{misfits}",
         "models": "Left: mean held-out error of each model with its 95 % interval, on a logarithmic axis. Right: its "
@@ -129,7 +130,7 @@ def effects_table(d: Mapping) -> Markup:
                 alternatives_listed(others) or "–",
             )
         )
-    columns = ("effect", "family", "size [95 % interval]", "gain (nats an impact)", "p", "could also be")
+    columns = ("effect", "family", "size [95 % interval]", "gain (nats per impact)", "p", "could also be")
     return table("Effects in the order in which they were selected", columns, rows, numeric=(3, 4))
 
 
@@ -182,7 +183,7 @@ def tests_table(where: Mapping) -> Markup:
         verdict = "contradicted" if p < LEVEL else "not contradicted"
         if name == "rigid_point":
             couple, gain = percent(test["share_couple"]), percent(test["share_energy_gain"])
-            detail = f": {couple} of the impacts need a couple and {gain} gain energy beyond 3 sigma"
+            detail = f": {couple} of the impacts need a couple and {gain} gain energy, by more than 3 sigma"
         elif name == "momentum_balance":
             parts = [f"{k} = {estimate(test[k]['value'], test[k]['std'])}" for k in ("a", "b") if test.get(k)]
             detail = f": {listed(parts)}" if parts else ""
@@ -237,8 +238,8 @@ def comparison_table(tables: Mapping[str, pd.DataFrame], fits: Mapping[str, Fit]
         rows.append((name, *parameters, *errors, score, str(int(r.n_failed)), share))
     columns = ("model", "μ", "ε", "mean", "median", "90 %", "score", "failed", "in range")
     caption = (
-        "Held-out error (m/s), log score an impact (nats), failed solves, and share of the outcomes that a law reaches "
-        "with some μ and ε of their own; ± half the 95 % interval"
+        "Held-out error (m/s), log score per impact (nats), failed solves, and share of the outcomes that a law "
+        "reaches with some μ and ε of their own; ± half the 95 % interval"
     )
     return table(caption, columns, rows, numeric=range(1, 9))
 
@@ -277,7 +278,7 @@ def detectable_table(d: Mapping) -> Markup:
         family = EFFECTS[e["name"]].family if e["name"] in EFFECTS else ""
         rows.append((effect_title(e["name"]), _family(family), "; ".join(parts), *_set_by(e)))
     columns = ("effect", "family", "smallest size", "set by", "drops for half of it")
-    none = f"No size within its bounds would have been found of {listed(unseen)}." if unseen else ""
+    none = f"Not detectable at any size within their bounds: {'; '.join(unseen)}." if unseen else ""
     return table("Smallest effects that would have been found", columns, rows, numeric=(4,)) + paragraph(none)
 
 
@@ -309,12 +310,12 @@ def states_table(following: Mapping) -> Markup:
 CAPTION = (
     "Every model fitted to the training trials and judged on the others: held-out error (m/s) with its 95 % interval, "
     "friction and restitution (at 1 m/s) with ± half the 95 % interval, duration of a central contact at 1 m/s. An "
-    "engine at its defaults is not fitted: it has the contact that it gives to who asks for none. Below it, the same "
-    "with the friction that suits the training trials best"
+    "engine at its defaults is not fitted: it has the contact that it uses if none is specified. “Friction fitted”: "
+    "the same with the friction that suits the training trials best"
 )
 OF_WHOLE_TOSSES = (
-    ". In whole held-out tosses the frames miss the position by so much of the body's width and the angle by so many "
-    "degrees, in the mean from the first flight to the end"
+    ". Tosses: mean error over all frames of whole held-out tosses, of the position in % of the body's width and of "
+    "the angle in degrees"
 )
 
 

@@ -221,7 +221,7 @@ def told_missed(row: dict) -> str:
         return row["why"]
     errors = " to ".join(f"{float(row[name]):.2g}" for name in ("without", "with_it"))
     gain, low, high = (f"{float(row[name]):.2g}" for name in ("gain", "low", "high"))
-    return f"{gain} ({low} to {high}) nats an impact, {errors} m/s, noise {float(row['floor']):.2g}"
+    return f"{gain} ({low} to {high}) nats per impact, {errors} m/s, noise {float(row['floor']):.2g}"
 
 
 def run_missed(proof: SpaceProof, jobs: int, tell: Callable[[str], object], again: bool = False) -> bool:

@@ -64,7 +64,9 @@ def _parser() -> Parser:
         for option, (default, meaning) in (PATHS | ({} if of_page else STORED)).items():
             subparser.add_argument(option, type=Path, default=Path(default), help=meaning)
         subparser.add_argument("--present", type=Path, help="default: <results>/datasets/present.json")
-        meaning = "scale at which the pipeline ran" + (" (shown on the page)" if of_page else "")
+        meaning = "scale at which the pipeline ran" + (
+            "; without it claims are judged for which quick is too small" if of_page else ""
+        )
         choice = {"choices": ("quick", "default"), "default": "" if of_page else None}
         subparser.add_argument("--scale", **choice, required=not of_page, help=meaning)
         if name == "check":

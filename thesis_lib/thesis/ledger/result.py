@@ -25,6 +25,7 @@ import pandas as pd
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.foundation.files import FLOAT_FORMAT, write_text
 from thesis_lib.pages import page
+from thesis_lib.statistics.wording import MINUS, number
 from thesis_lib.thesis.ledger.checks import Interval, Threshold, Within
 from thesis_lib.thesis.ledger.format import CUBE, Claim
 
@@ -127,8 +128,10 @@ def summary_line(results: Sequence[Result]) -> str:
         parts.append(f"{counts[ClaimStatus.ERROR]} could not be compared")
     line = f"{len(results)} claim{'' if len(results) == 1 else 's'}: {', '.join(parts)}."
     weak = sum(r.status is ClaimStatus.REPRODUCED and r.claim.weak is not None for r in results)
-    say = "says" if weak == 1 else "say"
-    return f"{line} Of those reproduced {weak} {say} little: a wrong result could agree as well." if weak else line
+    if not weak:
+        return line
+    are = "is" if weak == 1 else "are"
+    return f"{line} Of those reproduced, {weak} {are} weak evidence: a wrong result could agree as well."
 
 
 def render_page(results: Sequence[Result], scale: str = "") -> str:
@@ -137,11 +140,11 @@ def render_page(results: Sequence[Result], scale: str = "") -> str:
     By chapter, and in the ledger's order but for claims with which a wrong result could agree: these come last.
     """
     chapters = []
-    for number in sorted({result.claim.chapter for result in results}):
-        group = [result for result in results if result.claim.chapter == number]
+    for chapter in sorted({result.claim.chapter for result in results}):
+        group = [result for result in results if result.claim.chapter == chapter]
         look = [result for result in group if result.status in (ClaimStatus.DEVIATES, ClaimStatus.ERROR)]
         rows = [_cells(result) for result in group]
-        title = "The measured cube" if number == CUBE else f"Chapter {number}"
+        title = "The measured cube" if chapter == CUBE else f"Chapter {chapter}"
         chapters.append({"title": title, "summary": summary_line(group), "look": look, "rows": rows})
     return page(
         TEMPLATE,
@@ -167,10 +170,12 @@ def _cells(result: Result) -> dict:
     claim = result.claim
     unit = "" if claim.unit == "1" else f" {claim.unit}"
     numeric = result.difference == result.difference  # NaN if the claim is not a number
-    value = f"{float(result.ours):.4g}{unit}" if numeric else result.ours
-    if result.std == result.std:
-        value += f" ± {result.std:.2g}"
-    published = result.published + unit * isinstance(claim.check, Within | Interval | Threshold)
+    value, published = result.ours, result.published
+    if numeric:
+        with_std = f" ± {_shown(result.std, 2)}" if result.std == result.std else ""
+        value = f"{_shown(float(value), 4)}{with_std}{unit}"
+    if isinstance(claim.check, Within | Interval | Threshold):
+        published = published.translate(MINUS) + unit
     reason, weak = result.reason, claim.weak if result.status is ClaimStatus.REPRODUCED else None
     if numeric and result.status is ClaimStatus.DEVIATES:
         reason = claim.note or "reason unknown"  # the difference has its own column
@@ -190,9 +195,19 @@ def _difference(result: Result, unit: str) -> str:
     """By how much a number differs, as its check compares: a share only of a relative tolerance, or of a deviation."""
     check, difference = result.claim.check, result.difference
     if isinstance(check, Threshold):
-        return f"{abs(difference):.3g}{unit} {'above' if difference > 0.0 else 'below'} {check.threshold:g}{unit}"
-    text = f"{difference:+.3g}{unit}"
+        return f"{_shown(abs(difference))}{unit} {'above' if difference > 0.0 else 'below'} {check.threshold:g}{unit}"
+    text = f"{_signed(difference)}{unit}"
     is_relative = check.kind == "rel" or result.status is ClaimStatus.DEVIATES
     if not is_relative or math.isnan(result.relative_difference):
         return text
-    return f"{text} ({100 * result.relative_difference:+.3g}\u00a0%)"
+    return f"{text} ({_signed(100 * result.relative_difference)}\u00a0%)"
+
+
+def _shown(value: float, digits: int = 3) -> str:
+    """As short as it can be, but without an exponent that a reader would have to work out."""
+    text = f"{value:.{digits}g}"
+    return number(value, digits) if "e" in text else text.translate(MINUS)
+
+
+def _signed(value: float) -> str:
+    return f"{'−' if value < 0.0 else '+'}{_shown(abs(value))}"

@@ -50,7 +50,7 @@ def span(values: Series) -> str:
 
 
 def biased(table: DataFrame, method: str) -> str:
-    """In how many of its cases a method has a bias that is told apart from zero."""
+    """In how many of its cases a method has a bias that differs significantly from zero."""
     low, high = ends(table["mean_error"], table["mean_error_std"])
     sure = ((low > 0.0) | (high < 0.0))[table["method"] == method]
     return f"{sure.sum()} of {len(sure)}"
@@ -66,7 +66,7 @@ def against_header(dataset: str, rows: DataFrame) -> str:
     for row in rows.to_dict("records"):
         name = " and ".join(HYPOTHESES.get(part, part) for part in str(row["variant"]).split("+"))
         is_best = row["variant"] == best["variant"]
-        word = side(row["low"], row["high"], header, ("below", "not told apart from", "above"))
+        word = side(row["low"], row["high"], header, ("below", "indistinguishable from", "above"))
         if is_best or row["variant"] == "as_published":
             ratio = interval(row["ratio"], row["low"], row["high"], "1/m²")
             parts.append(f"{ratio} under {name}{', which leaves the least misfit' * is_best}, {word} the header")

@@ -35,6 +35,6 @@ def left_over_right(figure: DataFrame) -> tuple[float, float] | None:
 
 
 def ratio(value: float, std: float, other: str) -> str:
-    """A ratio with its interval, and whether it is told apart from 1."""
-    doubt = side(*ends(value, std), 1.0, ("", ", not told apart", ""))
+    """A ratio with its interval, and whether it differs significantly from 1."""
+    doubt = side(*ends(value, std), 1.0, ("", ", not significantly different", ""))
     return f"{estimate(value, std)} times that {other}{doubt}"

@@ -57,8 +57,8 @@ def against_robot(success: DataFrame) -> str:
 
 
 def beaten(comparisons: DataFrame, size: float) -> list[str]:
-    """Policies than which HMA with `size` samples extracts more or fewer blocks, or a number not told apart."""
-    words = ("fewer blocks than", "a number not told apart from that of", "more blocks than")
+    """Policies than which HMA with `size` samples extracts more or fewer blocks, or indistinguishably many."""
+    words = ("fewer blocks than", "a number indistinguishable from that of", "more blocks than")
     judged = comparisons.assign(word=[lies(row, 0.0, words) for _, row in comparisons.iterrows()])
     parts = []
     for word, group in judged.groupby("word", sort=False):

@@ -11,9 +11,9 @@ else:  # pandas is loaded with the first table
     DataFrame = Series = Any
 
 Row = Mapping[Any, Any]  # or a row of a table
-FROM_ZERO = ("below zero", "not told apart from zero", "above zero")
-THAN = ("less than", "not told apart from", "more than")
-ABOUT = ("below", "not told apart from", "above")
+FROM_ZERO = ("below zero", "indistinguishable from zero", "above zero")
+THAN = ("less than", "indistinguishable from", "more than")
+ABOUT = ("below", "indistinguishable from", "above")
 PUBLISHED = "_as_published"
 
 
@@ -38,7 +38,7 @@ def row_of(table: DataFrame, **where: object) -> Any:
 
 
 def told(value: float, std: float, of: float, words: tuple[str, str, str]) -> str:
-    """The word for an estimate with a normal error below, not told apart from, or above the value `of`."""
+    """The word for an estimate with a normal error below, indistinguishable from, or above the value `of`."""
     return side(*ends(value, std), of, words)
 
 
@@ -54,7 +54,7 @@ def lies(row: Row, of: float, words: tuple[str, str, str] = ABOUT) -> str:
 
 
 def difference(a: Row, b: Row, words: tuple[str, str, str], column: str = "value") -> str:
-    """The word for a − b below, not told apart from, or above zero; both have a `std` and are assumed independent."""
+    """The word for a − b below, indistinguishable from, or above zero; both have a `std`, and are independent."""
     return told(a[column] - b[column], (a["std"] ** 2 + b["std"] ** 2) ** 0.5, 0.0, words)
 
 

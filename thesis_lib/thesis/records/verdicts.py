@@ -22,7 +22,7 @@ def shares_right(summary: DataFrame) -> str:
     quiet = [row for (figure, _), row in rows.items() if figure == QUIET]
     if quiet:
         least = min(quiet, key=lambda row: (row["measured"], row["low"]))
-        sentences.append(f"With nothing hidden, no source has fewer than {_right(least)} found adequate.")
+        sentences.append(f"With nothing hidden, at least {_right(least)} of each source are found adequate.")
     if OUTSIDE in rows:
         sentences.append(f"A cause that the library does not hold is left unexplained in {_right(rows[OUTSIDE])}.")
     return " ".join(sentences) or "No result of the proof is stored."

@@ -59,7 +59,7 @@ CHECKS = {  # what shows a fault of the measurement without an impact
 }
 
 
-@of_the_plane(lambda: _nothing("No states are proposed for a body that moves in space."))
+@of_the_plane(lambda: _nothing("The next experiment is proposed for motions in a plane only."))
 def next_experiment(critique: DropsCritique, rng: np.random.Generator) -> dict:
     """Keys `why`, `states` (vx, vy in m/s, omega in rad/s, theta in rad), and `shows` and `sigmas` of the states.
 
