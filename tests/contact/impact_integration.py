@@ -82,7 +82,7 @@ def phase_end(target, p, W, v_n, b, until, work):
     return high
 
 
-def viscous_impact(v_t, v_n, K_tt, K_nn, K_tn, mu, epsilon, *, rtol=1e-10):
+def viscous_impact(v_t, v_n, K_tt, K_nn, K_tn, mu, epsilon):
     """Impulse (c_t, c_n) with the viscous rate dc_t/dp = −μ v_t and Stronge's restitution, by Runge-Kutta."""
 
     def rates(_, state):
@@ -93,7 +93,7 @@ def viscous_impact(v_t, v_n, K_tt, K_nn, K_tn, mu, epsilon, *, rtol=1e-10):
         return state[1]
 
     compressed.terminal, compressed.direction = True, 1.0
-    options = {"method": "DOP853", "rtol": rtol, "atol": 1e-13}
+    options = {"method": "DOP853", "rtol": 1e-10, "atol": 1e-13}
     far = 1e3 * (abs(v_t) + abs(v_n))
     first = solve_ivp(rates, (0.0, far), [v_t, v_n, 0.0, 0.0], events=compressed, **options)
     p_c, state = first.t_events[0][0], first.y_events[0][0]

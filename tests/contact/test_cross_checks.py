@@ -8,6 +8,7 @@ from scipy.integrate import solve_ivp
 from thesis_lib.contact import LAWS
 from thesis_lib.extensions.impact_draws import ImpactDraws, reference_draw
 from thesis_lib.mechanics.contact import Contact
+from thesis_lib.simulate.stepping.contact_modes import by_drake
 
 # relative to the contact speed before impact (impulses are of its order, m = 1)
 EVENTS = 1e-9  # bisection is exact to rounding; slow slip that nearly sticks amplifies it
@@ -78,14 +79,8 @@ def test_published_mirtich_against_runge_kutta(rng):
 
 def lemke(M: np.ndarray, q: np.ndarray) -> np.ndarray:
     """z of w = M z + q ≥ 0, z ≥ 0, zᵀ w = 0 by Drake's Lemke solver, verified."""
-    from pydrake.solvers import MathematicalProgram, MobyLcpSolver
-
-    program = MathematicalProgram()
-    x = program.NewContinuousVariables(len(q))
-    program.AddLinearComplementarityConstraint(M, q, x)
-    result = MobyLcpSolver().Solve(program)
-    assert result.is_success()
-    z = result.GetSolution(x)
+    z = by_drake("MobyLcpSolver", M, q)
+    assert z is not None
     w = M @ z + q
     scale = np.abs(q).max()
     assert z.min() >= -LEMKE * scale and w.min() >= -LEMKE * scale and abs(z @ w) <= LEMKE * scale**2

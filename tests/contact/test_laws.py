@@ -143,34 +143,50 @@ def test_a_law_without_a_solution_says_so(rng):
 
 
 GOOD = {"v_pre": np.zeros((4, 3)), "r": np.zeros((4, 2)), "mass": 1.0, "k_g": 1.0, "mu": 0.3, "epsilon": 0.5}
+SOLID = {"v_pre": np.zeros((4, 6)), "r": np.zeros((4, 3)), "mass": 1.0, "inertia": np.eye(3), "mu": 0.3, "epsilon": 0.5}
 
 
 @pytest.mark.parametrize(
-    "change, text",
+    "good, change, text",
     [
-        ({"v_pre": np.zeros(3)}, r"v_pre must have shape \(n, 3\), got \(3,\)"),
-        ({"v_pre": 1.0}, r"v_pre must have shape \(n, 3\), got \(\)"),
-        ({"v_pre": np.zeros((4, 2))}, r"v_pre must have shape"),
-        ({"r": np.zeros((3, 2))}, r"r must have shape \(4, 2\) like v_pre, got \(3, 2\)"),
-        ({"r": np.zeros((4, 3))}, r"r must have shape"),
-        ({"mass": 0.0}, "mass and k_g must be positive, got mass=0"),
-        ({"mass": -1.0}, "mass and k_g must be positive"),
-        ({"mass": np.nan}, "mass and k_g must be positive"),
-        ({"k_g": np.inf}, "mass and k_g must be positive"),
-        ({"mu": -0.1}, "mu must be finite and at least 0"),
-        ({"mu": np.nan}, "mu must be finite and at least 0"),
-        ({"mu": np.inf}, "mu must be finite and at least 0"),
-        ({"mu": np.full(3, 0.1)}, r"mu must be a scalar or have shape \(4,\), got \(3,\)"),
-        ({"mu": np.full((4, 1), 0.1)}, r"mu must be a scalar or have shape"),
-        ({"epsilon": 1.01}, r"epsilon must lie in \[0, 1\]"),
-        ({"epsilon": -0.01}, r"epsilon must lie in \[0, 1\]"),
-        ({"epsilon": np.array([0.1, np.nan, 0.2, 0.3])}, r"epsilon must lie in \[0, 1\]"),
+        (GOOD, {"v_pre": np.zeros(3)}, r"v_pre must have shape \(n, 3\), got \(3,\)"),
+        (GOOD, {"v_pre": 1.0}, r"v_pre must have shape \(n, 3\), got \(\)"),
+        (GOOD, {"v_pre": np.zeros((4, 2))}, r"v_pre must have shape"),
+        (GOOD, {"r": np.zeros((3, 2))}, r"r must have shape \(4, 2\) like v_pre, got \(3, 2\)"),
+        (GOOD, {"r": np.zeros((4, 3))}, r"r must have shape"),
+        (GOOD, {"mass": 0.0}, "mass and k_g must be positive, got mass=0"),
+        (GOOD, {"mass": -1.0}, "mass and k_g must be positive"),
+        (GOOD, {"mass": np.nan}, "mass and k_g must be positive"),
+        (GOOD, {"k_g": np.inf}, "mass and k_g must be positive"),
+        (GOOD, {"mu": -0.1}, "mu must be finite and at least 0"),
+        (GOOD, {"mu": np.nan}, "mu must be finite and at least 0"),
+        (GOOD, {"mu": np.inf}, "mu must be finite and at least 0"),
+        (GOOD, {"mu": np.full(3, 0.1)}, r"mu must be a scalar or have shape \(4,\), got \(3,\)"),
+        (GOOD, {"mu": np.full((4, 1), 0.1)}, r"mu must be a scalar or have shape"),
+        (GOOD, {"epsilon": 1.01}, r"epsilon must lie in \[0, 1\]"),
+        (GOOD, {"epsilon": -0.01}, r"epsilon must lie in \[0, 1\]"),
+        (GOOD, {"epsilon": np.array([0.1, np.nan, 0.2, 0.3])}, r"epsilon must lie in \[0, 1\]"),
+        (SOLID, {"v_pre": np.zeros((4, 3))}, r"v_pre must have shape \(n, 6\), got \(4, 3\)"),
+        (SOLID, {"r": np.zeros((4, 2))}, r"r must have shape \(4, 3\) like v_pre, got \(4, 2\)"),
+        (SOLID, {"inertia": np.eye(2)}, r"inertia must have shape \(3, 3\) or \(4, 3, 3\), got \(2, 2\)"),
+        (SOLID, {"inertia": -np.eye(3)}, "mass and inertia must be positive"),
+        (SOLID, {"inertia": np.full((3, 3), np.nan)}, "mass and inertia must be positive"),
+        (SOLID, {"mass": 0.0}, "mass and inertia must be positive, got mass=0"),
+        (SOLID, {"k_g": 0.1}, "not both"),
     ],
 )
-def test_bad_calls_say_what_is_wrong(change, text):
-    call = GOOD | change
+def test_bad_calls_say_what_is_wrong(good, change, text):
+    call = good | change
     with pytest.raises(ValueError, match=text):
         LAWS["mirtich"](call.pop("v_pre"), call.pop("r"), **call)
+
+
+def test_a_law_of_the_plane_says_so():
+    call = dict(SOLID)
+    v_pre, r = call.pop("v_pre"), call.pop("r")
+    with pytest.raises(ValueError, match="Drumwright-Shell holds in 2 dimensions only"):
+        LAWS["drumwright_shell"](v_pre, r, **call)
+    assert set(LAWS["whittaker"](v_pre, r, **call).status) == {Status.NOT_APPROACHING}
 
 
 def mostly(value, low, high):

@@ -16,10 +16,10 @@ HALF = 0.03  # half the side of the square
 SQUARE = Rig(Polygon(vertices=((HALF, HALF), (-HALF, HALF), (-HALF, -HALF), (HALF, -HALF))), 0.0245, 9.81, 0.0)
 
 
-def one_state(**given: float) -> State:
-    """One body at rest at the origin, but for the given values."""
+def at_rest(**given: float | np.ndarray) -> State:
+    """A body at rest at the origin, or one for each of the given values, but for these."""
     values = dict.fromkeys(("x", "y", "theta", "vx", "vy", "omega", "trial", "t"), 0.0) | given
-    return State.planar(**{name: np.array([value]) for name, value in values.items()})
+    return State.planar(*np.broadcast_arrays(*map(np.atleast_1d, values.values())))
 
 
 def on(name: str, **p: float):
@@ -33,5 +33,5 @@ def coefficients(name: str, v_t: float = 0.0, v_n: float = -1.0, **given: float)
     state = {key: given.pop(key) for key in ("x", "theta", "trial") if key in given}
     space = Contact.planar(*(np.array([a]) for a in (v_t, v_n, 3.0, 1.0, 0.0)))
     effect, p = on(name, **given)[0]
-    mu, epsilon = effect.coefficients(np.array([0.2]), np.array([0.5]), space, one_state(**state), p, DISK)
+    mu, epsilon = effect.coefficients(np.array([0.2]), np.array([0.5]), space, at_rest(**state), p, DISK)
     return float(mu[0]), float(epsilon[0])

@@ -16,12 +16,6 @@ from thesis_lib.mechanics.state import State
 STEP = 1e-3  # s, of the flight; the camera's map is linear in the velocity, so that it does not matter
 
 
-def arrays(state: State) -> dict[str, np.ndarray]:
-    """The arrays of a state by name."""
-    names = ("x", "y", "theta", "vx", "vy", "omega", "trial", "t")
-    return {name: getattr(state, name) for name in names}
-
-
 @dataclass(frozen=True)
 class StagePrediction:
     """What is measured: velocity after impact (n, 3), jump of the pose (n, 3), gap (n,), acceleration (n, 3) in flight,
@@ -114,11 +108,11 @@ def predict(
         a = effect.acceleration(a, true, p, rig)
     one, two = (seen_by_camera(true.flown(a.T, h)) for h in (-STEP, STEP))
     return StagePrediction(
-        impact=np.stack([seen_after.vx, seen_after.vy, seen_after.omega], axis=-1),
+        impact=seen_after.v,
         meet=jump.T,
         touch=rig.shape.gap(true.y, true.theta, rig.height) - gap,
         slide=a[0] - slides * np.maximum(-a[1], 0.0) * np.sign(contact.v_t),
-        flight=np.stack([two.vx - one.vx, two.vy - one.vy, two.omega - one.omega], axis=-1) / (2.0 * STEP),
+        flight=(two.v - one.v) / (2.0 * STEP),
         impulse=impulse,
         contact=contact,
         after=seen_after,

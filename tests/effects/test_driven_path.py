@@ -8,11 +8,11 @@ from thesis_lib.contact.space import contact_space
 from thesis_lib.effects.driven_path import driven
 from thesis_lib.effects.effect import Impulse, Rig
 from thesis_lib.effects.velocity_dependent_friction import EFFECT as STRIBECK
-from thesis_lib.extensions.effect_probe import RIGS, random_states
+from thesis_lib.extensions.effect_probe import EPSILON, MU, RIGS, random_states
 from thesis_lib.mechanics.contact import Contact
 from thesis_lib.mechanics.state import State
 
-MU, EPSILON, N = 0.25, 0.55, 400
+N = 400
 ROUNDING = 1e-12  # m/s, the same steps taken in another order
 STEP_ERROR = 0.02  # m/s, of 12 steps where a slip reverses within one
 
@@ -34,15 +34,8 @@ def ends(struck, made: Impulse) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     rig, state, space, _ = struck
     (r_x, r_y), turn = space.r, made.couple / rig.k_g**2
     omega = state.omega + (r_x * made.c_n - r_y * made.c_t) / rig.k_g**2 + turn
-    v_t, v_n = _after(space, made)
+    v_t, v_n = space.velocity_after(made.c_t, made.c_n)
     return omega, v_t - r_y * turn, v_n + r_x * turn
-
-
-def _after(space: Contact, made: Impulse) -> tuple[np.ndarray, np.ndarray]:
-    return (
-        space.v_t + space.K_tt * made.c_t + space.K_tn * made.c_n,
-        space.v_n + space.K_tn * made.c_t + space.K_nn * made.c_n,
-    )
 
 
 def on(struck, **acting) -> Impulse:

@@ -15,19 +15,8 @@ from thesis_lib.extensions.contract import Check, outcomes
 from thesis_lib.extensions.effect_contract import CHANNELS, DISK, N, checks_of, hook_calls
 from thesis_lib.extensions.effect_probe import RIGS, at_scale, null, random_states
 from thesis_lib.mechanics.space import PLANE
-from thesis_lib.mechanics.state import State
 
 ROUNDING = 1e-12  # relative to 1: there and back through a map of order one
-
-
-@pytest.fixture(params=list(RIGS), ids=str)
-def rig(request: pytest.FixtureRequest) -> Rig:
-    return RIGS[request.param]
-
-
-@pytest.fixture
-def states(rig: Rig) -> State:
-    return random_states(rig, N, np.random.default_rng(5))
 
 
 @pytest.mark.parametrize(
@@ -65,8 +54,10 @@ def test_a_choice_is_said_in_words() -> None:
     assert plane.said(1.0) == "on" and [axis.said(value) for value in axis.options] == ["x axis", "y axis", "z axis"]
 
 
-@pytest.mark.parametrize("law", list(LAWS))
-def test_all_nulls_together_change_no_law(law: str, rig: Rig, states: State) -> None:
+@pytest.mark.parametrize("rig", RIGS.values(), ids=RIGS)
+@pytest.mark.parametrize("law", LAWS)
+def test_all_nulls_together_change_no_law(law: str, rig: Rig) -> None:
+    states = random_states(rig, N, np.random.default_rng(5))
     mu = 0.25 if LAWS[law].mu_unit == "1" else 0.5
     everything = [(effect, null(effect, mu=mu)) for effect in effects_in(PLANE).values()]
     with_nulls, without = (predict(active, states, rig, law, mu) for active in (everything, []))
@@ -133,9 +124,8 @@ def test_a_new_file_is_found(extended_package) -> None:
     (extended_package / "sticky.py").write_text(dedent(NEW_EFFECT).format(name="sticky"))
     found = package._load()
     assert set(found) == set(EFFECTS) | {"sticky"}
-    assert [FAMILIES.index(effect.family) for effect in found.values()] == sorted(
-        FAMILIES.index(effect.family) for effect in found.values()
-    )
+    families = [FAMILIES.index(effect.family) for effect in found.values()]
+    assert families == sorted(families)
     rig = RIGS["ellipse"]
     states = random_states(rig, N, np.random.default_rng(9))
     made = predict([(found["sticky"], {"m": 0.1})], states, rig)

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hand_cases import DISK, EXACT, HALF, RADIUS, SQUARE, N, on, one_state
+from hand_cases import DISK, EXACT, HALF, RADIUS, SQUARE, N, at_rest, on
 from stage_predictor import predict
 
 from thesis_lib.bodies.shapes import Polygon
@@ -14,14 +14,11 @@ from thesis_lib.effects.soft_body import lean_in_space
 from thesis_lib.extensions.effect_probe import EPSILON, MU, RIGS
 from thesis_lib.mechanics.contact import Contact
 from thesis_lib.mechanics.space import SPACE, of_rotation_vector
-from thesis_lib.mechanics.state import State
 
 
 def contact_point(name: str, rig: Rig, theta: np.ndarray, **p: float) -> np.ndarray:
     effect, p = on(name, **p)[0]
-    zero = np.zeros_like(theta)
-    state = State.planar(zero, zero, theta, zero, zero, zero, zero, zero)
-    return effect.contact_point(rig.shape.contact_point(theta).T, state, p, rig).T
+    return effect.contact_point(rig.shape.contact_point(theta).T, at_rest(theta=theta), p, rig).T
 
 
 def test_rounded_corner_by_hand() -> None:
@@ -76,9 +73,8 @@ def test_gap_closes_with_the_true_shape(name: str, p: dict, quadrilateral) -> No
 def test_contact_point_offset_is_a_lever(quadrilateral) -> None:
     rig, states = quadrilateral
     made = predict(on("contact_point_offset", d_r=1e-3), states, rig)
-    before = np.stack([states.vx, states.vy, states.omega], axis=-1)
     believed = rig.shape.contact_point(states.theta)
-    couple = residual_couple(made.impact - before, believed, mass=1.0, k_g=rig.k_g)
+    couple = residual_couple(made.impact - states.v, believed, mass=1.0, k_g=rig.k_g)
     np.testing.assert_allclose(couple, 1e-3 * made.impulse.c_n, atol=EXACT)
 
 
@@ -106,12 +102,11 @@ def test_com_offset_against_the_mass_matrix_of_the_origin(quadrilateral) -> None
     J = np.zeros((N, 2, 3))  # rows t, n
     J[:, 0, 0] = J[:, 1, 1] = 1.0
     J[:, 0, 2], J[:, 1, 2] = -r[:, 1], r[:, 0]
-    v = np.stack([states.vx, states.vy, states.omega], axis=-1)
     K = J @ inverse @ np.swapaxes(J, 1, 2)
-    v_c = np.einsum("nij,nj->ni", J, v)
+    v_c = np.einsum("nij,nj->ni", J, states.v)
     space = Contact.planar(v_c[:, 0], v_c[:, 1], K[:, 0, 0], K[:, 1, 1], K[:, 0, 1])
     impulse = np.stack(LAWS["anitescu_potra_newton"].impulse(space, np.full(N, MU), np.full(N, EPSILON)), axis=-1)
-    expected = v + np.einsum("nij,nkj,nk->ni", inverse, J, impulse)
+    expected = states.v + np.einsum("nij,nkj,nk->ni", inverse, J, impulse)
     made = predict(on("com_offset", c_x=3e-3, c_y=-2e-3), states, rig)
     np.testing.assert_allclose(made.impact, expected, rtol=EXACT, atol=EXACT)
     assert np.abs(made.impact - predict([], states, rig).impact).max() > 0.1
@@ -149,10 +144,10 @@ def test_wrong_size_and_inertia_equal_the_true_rig(quadrilateral) -> None:
 def test_a_curved_surface_is_level_at_its_middle_and_a_ramp_beside_it() -> None:
     # at the place that is touched the surface is a ramp: the drop in its axes, turned back
     rig, kappa, x = Rig(DISK.shape, DISK.k_g, 9.81, 0.0), 0.1, 0.4
-    psi, state = kappa * x, one_state(x=x, vx=0.7, vy=-2.0, omega=4.0)
+    psi, state = kappa * x, at_rest(x=x, vx=0.7, vy=-2.0, omega=4.0)
     R = np.array([[np.cos(psi), -np.sin(psi)], [np.sin(psi), np.cos(psi)]])
     along = R.T @ [0.7, -2.0]
-    ramp = predict([], one_state(vx=along[0], vy=along[1], omega=4.0), rig).impact[0]
+    ramp = predict([], at_rest(vx=along[0], vy=along[1], omega=4.0), rig).impact[0]
     made = predict(on("curved_surface", kappa=kappa, x_0=0.0), state, rig).impact[0]
     np.testing.assert_allclose(made[:2], R @ ramp[:2], atol=EXACT)
     flat = predict([], state, rig).impact[0]
@@ -167,7 +162,7 @@ def test_a_disk_that_touches_a_hollow_has_no_gap_to_it() -> None:
     for x in (-0.3, 0.1, 0.2):
         # in a circle of radius R the centre of the disk is on one of R − radius about the same point
         y = R - np.sqrt((R - RADIUS) ** 2 - x**2)
-        state = one_state(x=x, y=y)
+        state = at_rest(x=x, y=y)
         gap = rig.shape.gap(state.y, state.theta)
         left = gap - effect.gap(np.zeros(1), state, p, rig)
         assert abs(left[0]) < 0.01 * gap[0]  # a parabola is off a circle, and ψ off its sine, by squares of ψ

@@ -5,7 +5,7 @@ Paths of the impulse, geometry and measurement have files of their own.
 
 import numpy as np
 import pytest
-from hand_cases import DISK, EXACT, RADIUS, N, coefficients, on, one_state
+from hand_cases import DISK, EXACT, RADIUS, N, at_rest, coefficients, on
 from stage_predictor import predict
 
 from thesis_lib.contact.space import contact_space
@@ -17,7 +17,7 @@ from thesis_lib.mechanics.state import State
 
 @pytest.mark.parametrize("law", ["anitescu_potra_newton", "anitescu_potra_poisson", "mirtich", "drumwright_shell"])
 def test_tangential_restitution_turns_the_slip(law: str) -> None:
-    state = one_state(vx=0.2, vy=-2.0, omega=3.0)
+    state = at_rest(vx=0.2, vy=-2.0, omega=3.0)
     v_t = 0.2 + RADIUS * 3.0
     made = predict(on("tangential_restitution", e_t=0.4), state, DISK, law, mu=1.0)
     after = made.impact[0]
@@ -77,7 +77,7 @@ def test_friction_depends_on_direction() -> None:
 def test_adhesion_takes_energy() -> None:
     assert coefficients("adhesion", v_n=-1.0, v_s=0.3)[1] == pytest.approx(0.4)
     assert coefficients("adhesion", v_n=-0.5, v_s=0.3)[1] == 0.0
-    state = one_state(vy=-1.5)
+    state = at_rest(vy=-1.5)
     rebound = [predict(on("adhesion", v_s=v_s), state, DISK).impact[0, 1] for v_s in (0.0, 0.4)]
     np.testing.assert_allclose(rebound[0] ** 2 - rebound[1] ** 2, 0.4**2)
 
@@ -104,7 +104,7 @@ def flight(name: str, state: State, **p: float) -> np.ndarray:
 def test_surface_tilt_turns_gravity() -> None:
     for phi in (-0.3, 0.01, 0.2):
         expected = [9.81 * np.sin(phi), -9.81 * np.cos(phi), 0.0]
-        np.testing.assert_allclose(flight("surface_tilt", one_state(), phi=phi), expected, rtol=0, atol=4e-15)
+        np.testing.assert_allclose(flight("surface_tilt", at_rest(), phi=phi), expected, rtol=0, atol=4e-15)
 
 
 def test_surface_height_is_the_gap(quadrilateral) -> None:
@@ -134,7 +134,7 @@ def test_coefficients_depend_on_place() -> None:
 
 
 def test_flight_by_hand() -> None:
-    state = one_state(vx=3.0, vy=-4.0, omega=10.0)
+    state = at_rest(vx=3.0, vy=-4.0, omega=10.0)
     np.testing.assert_allclose(flight("linear_drag", state, c_v=0.1, c_w=0.2), [-0.3, -9.41, -2.0])
     np.testing.assert_allclose(flight("quadratic_drag", state, c_q=0.1), [-1.5, -7.81, 0.0])
     np.testing.assert_allclose(flight("magnus", state, k_m=0.01), [0.4, -9.51, 0.0])
@@ -154,6 +154,6 @@ def test_power_in_flight(name: str, quadrilateral) -> None:
 
 def test_contact_space_of_the_predictor_is_the_library_one() -> None:
     # guards the tests above: masses are 1 and lengths are metres on both sides
-    state = one_state(vx=1.0, vy=-2.0, omega=4.0)
+    state = at_rest(vx=1.0, vy=-2.0, omega=4.0)
     space = contact_space(np.array([[1.0, -2.0, 4.0]]), np.array([[0.0, -RADIUS]]), mass=1.0, k_g=DISK.k_g)
     assert predict([], state, DISK).contact.v_t == space.v_t == 1.0 + RADIUS * 4.0

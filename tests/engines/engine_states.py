@@ -5,8 +5,9 @@ from importlib.util import find_spec
 import numpy as np
 import pytest
 
+from tests.simulate.falling import DISK, SQUARE
 from thesis_lib.bodies.body import Body
-from thesis_lib.bodies.shapes import Disk, Ellipse, Polygon
+from thesis_lib.bodies.shapes import Ellipse, Polygon
 from thesis_lib.engines.bullet_engine import PACKAGE, BulletEngine
 from thesis_lib.engines.bullet_engine import STEPS as BULLET_STEPS
 from thesis_lib.engines.drake_engine import DrakeEngine
@@ -14,14 +15,8 @@ from thesis_lib.engines.mujoco_engine import STEPS, MujocoEngine
 from thesis_lib.simulate.mujoco.contact import MujocoContact
 from thesis_lib.simulate.rig.hidden_causes import CompliantContact
 
-MASS = 0.05
-DISK = Body(shape=Disk(radius=0.03), mass=MASS, radius_of_gyration=0.02)
+MASS = DISK.mass
 ELLIPSE = Body(shape=Ellipse(semi_axes=(0.035, 0.025)), mass=MASS, radius_of_gyration=0.019)
-SQUARE = Body(
-    shape=Polygon(vertices=((0.03, 0.03), (-0.03, 0.03), (-0.03, -0.03), (0.03, -0.03))),
-    mass=MASS,
-    radius_of_gyration=0.0245,
-)
 # scalene, its origin at the centroid
 TRIANGLE = Body(
     shape=Polygon(vertices=((0.04, -0.018), (-0.01, 0.034), (-0.03, -0.016))), mass=MASS, radius_of_gyration=0.0205

@@ -9,7 +9,7 @@ from falling import LARGE_SQUARE as SQUARE_BODY
 from falling import POSE as POSES
 from falling import POST as V_POST
 from falling import PRE as V_PRE
-from falling import at
+from falling import RIG, at
 
 from thesis_lib.bodies.body import Noise
 from thesis_lib.datasets.format.dataset import Dataset
@@ -236,26 +236,24 @@ def test_a_step_that_does_not_divide_the_sampling_period_is_shortened():
 
 
 def test_equal_seeds_give_equal_bytes_and_other_seeds_do_not():
-    noise = Noise(position=3e-4, angle=3e-3)
-    one, two = run(10, noise=noise), run(10, noise=noise)
+    one, two = run(10, noise=RIG), run(10, noise=RIG)
     for name in ("trajectories", "impacts", "trials"):
         assert getattr(one, name).equals(getattr(two, name))
-    assert not one.trajectories.equals(run(10, noise=noise, seed=1).trajectories)
+    assert not one.trajectories.equals(run(10, noise=RIG, seed=1).trajectories)
 
 
 def test_a_drop_is_the_same_whatever_the_number_of_drops():
-    noise = Noise(position=3e-4, angle=3e-3)
-    few, more = run(7, noise=noise), run(23, noise=noise)
+    few, more = run(7, noise=RIG), run(23, noise=RIG)
     np.testing.assert_allclose(poses(more)[:7], poses(few), atol=CONTACT_TIME)
 
 
 @pytest.mark.slow
 def test_noise_is_what_was_asked_for_and_leaves_the_truth_alone():
-    clean, noisy = run(40), run(40, noise=Noise(position=3e-4, angle=3e-3))
+    clean, noisy = run(40), run(40, noise=RIG)
     error = poses(noisy) - poses(clean)
     np.testing.assert_allclose(error.std(axis=(0, 1)), [3e-4, 3e-4, 3e-3], rtol=0.05)  # 8,040 samples: 0.8 %
     assert noisy.impacts.equals(clean.impacts)
-    assert noisy.header.noise == Noise(position=3e-4, angle=3e-3) and clean.header.noise is None
+    assert noisy.header.noise == RIG and clean.header.noise is None
     only = poses(run(5, noise=Noise(angle=3e-3))) - poses(run(5))
     assert (only[..., :2] == 0).all() and (only[..., 2] != 0).all()
 
@@ -277,7 +275,7 @@ def test_pre_impact_states_resemble_the_published_ones():
 
 
 def test_output_is_a_valid_dataset(tmp_path):
-    out = run(5, noise=Noise(position=3e-4, angle=3e-3))
+    out = run(5, noise=RIG)
     write_dataset(Dataset("drops", out.header, trajectories=out.trajectories), tmp_path / "drops")
     back = read_dataset(tmp_path / "drops")
     assert back.header == out.header

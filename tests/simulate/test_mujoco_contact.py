@@ -3,15 +3,13 @@
 import mujoco
 import numpy as np
 import pytest
+from falling import DISK
 
-from thesis_lib.bodies.body import Body
-from thesis_lib.bodies.shapes import Disk
 from thesis_lib.simulate.mujoco.causes import MujocoCauses
 from thesis_lib.simulate.mujoco.contact import MujocoContact, damped_bounce, restitution_and_time, spring_and_damper
 from thesis_lib.simulate.mujoco.model import drop_model, share
 
-RADIUS = 0.03
-DISK = Body(shape=Disk(radius=RADIUS), mass=0.05, radius_of_gyration=0.02)
+RADIUS = DISK.shape.radius
 SPEED = 2.0
 STEPS = 2000  # in one contact: the instant of the touch within a step then moves ε by 1e-4
 TOUCH = 2e-3  # of ε and T: three steps in two thousand

@@ -42,26 +42,24 @@ def header(shape=BOX, **more):
     return SpaceHeader.model_validate({"schema": 2, "body": body, "rate": 240.0, "noise": noise} | more)
 
 
-def path(engine, world, pose, motion, times):
-    start = [np.array([one], float).T for one in (pose, motion)]
-    return engine.moves(world, State(*start, np.zeros(1), np.zeros(1), None, SPACE), np.array([times]))
+def state(place, attitude, velocity, spin):
+    return State.of(np.array([[*place, *attitude]]), np.array([[*velocity, *spin]]), *np.zeros((2, 1)), space=SPACE)
+
+
+def path(engine, world, place, times, velocity=(0.0, 0.0, 0.0), spin=(0.0, 0.0, 0.0)):
+    return engine.moves(world, state(place, (1.0, 0.0, 0.0, 0.0), velocity, spin), times[None])
 
 
 @pytest.mark.parametrize("engine", ENGINES)
 def test_a_flight_is_torque_free(engine):
     world = TossedWorld(header(), hidden={"com_offset.c_x": 3e-3})
-    pose, motion, times = (
-        [0.0, 0.0, 5.0, 0.8, 0.6, 0.0, 0.0],
-        [0.4, -0.3, 0.5, 9.0, -5.0, 4.0],
-        np.linspace(0.02, 0.5, 9),
-    )
-    got = path(engine, world, pose, motion, times)
+    start = state([0.0, 0.0, 5.0], [0.8, 0.6, 0.0, 0.0], [0.4, -0.3, 0.5], [9.0, -5.0, 4.0])
+    times = np.linspace(0.02, 0.5, 9)
+    got = engine.moves(world, start, times[None])
     body, off = world.rig.body, np.array([3e-3, 0.0, 0.0])
-    start = np.array(pose)
-    arm = SPACE.turned(start[3:, None], off[:, None])
-    centre = np.concatenate([start[:3, None] + arm, start[3:, None]])
-    velocity = SPACE.velocity_at(np.array(motion)[:3, None], np.array(motion)[3:, None], arm)
-    moved = np.concatenate([velocity, np.array(motion)[3:, None]])
+    arm = SPACE.turned(start.attitude, off[:, None])
+    centre = np.concatenate([start.position + arm, start.attitude])
+    moved = np.concatenate([SPACE.velocity_at(start.velocity, start.spin, arm), start.spin])
     true = flown(centre, moved, body.inertia_per_mass, np.array([[0.0], [0.0], [-G]]), times[:, None]).pose[..., 0]
     np.testing.assert_allclose(SPACE.turn_between(true[3:], got.attitude), 0.0, atol=2e-3)
     origin = true[:3] - SPACE.turned(true[3:], off[:, None])
@@ -74,7 +72,7 @@ def test_a_flight_is_torque_free(engine):
 def test_a_central_hit_gives_back_its_share(engine, time, epsilon):
     world = TossedWorld(header(BALL), epsilon=epsilon, contact_time=time)
     times = np.linspace(0.05, 0.45, 2001)
-    height = path(engine, world, [0.0, 0.0, 0.14, 1.0, 0.0, 0.0, 0.0], [0.3, 0.0, -1.0, 0.0, 0.0, 0.0], times).height
+    height = path(engine, world, [0.0, 0.0, 0.14], times, [0.3, 0.0, -1.0]).height
     hit = int(height.argmin())
     up = height[hit : hit + 1200]
     rise = up[: 1 + int(np.flatnonzero(np.diff(up) < 0.0)[0])].max() - 0.04
@@ -91,7 +89,7 @@ def test_a_box_slides_with_its_friction(engine):
     slower = [] if isinstance(engine, DrakeTosses) else [({"sliding_friction.d_mu": -0.1}, 0.2)]
     for hidden, mu in (({}, 0.3), *slower):
         world = TossedWorld(header(), mu=0.3, hidden=hidden)
-        x = path(engine, world, [0.0, 0.0, 0.03, 1.0, 0.0, 0.0, 0.0], [1.0, 0.0, 0.0, 0.0, 0.0, 0.0], times).position[0]
+        x = path(engine, world, [0.0, 0.0, 0.03], times, [1.0, 0.0, 0.0]).position[0]
         assert np.polyfit(times, x, 2)[0] == pytest.approx(-0.5 * mu * G, rel=0.02)
 
 
@@ -99,38 +97,35 @@ def test_a_box_slides_with_its_friction(engine):
 def test_a_ball_that_spins_on_its_point_is_stopped_by_torsional_friction(engine):
     world = TossedWorld(header(BALL), hidden={"torsional_friction.m_t": 5e-3})
     times = np.linspace(0.02, 0.1, 9)
-    spun = path(engine, world, [0.0, 0.0, 0.04, 1.0, 0.0, 0.0, 0.0], [0.0, 0.0, 0.0, 0.0, 0.0, 10.0], times).attitude
+    spun = path(engine, world, [0.0, 0.0, 0.04], times, spin=[0.0, 0.0, 10.0]).attitude
     rate = SPACE.turn_between(spun[:, :-1], spun[:, 1:])[2] / 0.01
     np.testing.assert_allclose(np.diff(rate) / 0.01, -5e-3 * G / (0.4 * BALL.radius**2), rtol=1e-2)
 
 
 def test_a_ball_that_rolls_is_stopped_by_the_contact_torque():
     world, times = TossedWorld(header(BALL), hidden={"contact_torque.m_r": 1e-3}), np.linspace(0.02, 0.2, 10)
-    x = path(OwnTosses(), world, [0.0, 0.0, 0.04, 1.0, 0.0, 0.0, 0.0], [0.4, 0.0, 0.0, 0.0, 10.0, 0.0], times).position[
-        0
-    ]
+    x = path(OwnTosses(), world, [0.0, 0.0, 0.04], times, [0.4, 0.0, 0.0], [0.0, 10.0, 0.0]).position[0]
     assert np.polyfit(times, x, 2)[0] == pytest.approx(-0.5 * 1e-3 * G / BALL.radius / 1.4, rel=1e-3)
 
 
 def test_a_box_is_slowed_by_the_ellipse_of_friction_and_carried_by_a_moving_surface():
-    times, lies = np.linspace(0.02, 0.15, 10), [0.0, 0.0, 0.03, 1.0, 0.0, 0.0, 0.0]
+    times = np.linspace(0.02, 0.15, 10)
     for hidden, v, factor in (
         ({"anisotropic_friction.a_c": 0.3}, [1.0, 0.0], -1.3),
         ({"anisotropic_friction.a_s": 0.3}, [0.6, -0.6], -0.7 / np.sqrt(2.0)),
         ({"moving_surface.V_x": 1.0}, [0.0, 0.0], 1.0),
     ):
         world = TossedWorld(header(), mu=0.3, hidden=hidden)
-        x = path(OwnTosses(), world, lies, [*v, 0.0, 0.0, 0.0, 0.0], times).position[0]
+        x = path(OwnTosses(), world, [0.0, 0.0, 0.03], times, [*v, 0.0]).position[0]
         assert np.polyfit(times, x, 2)[0] == pytest.approx(0.5 * factor * 0.3 * G, rel=0.02)
 
 
 def test_a_ball_swings_in_a_bowl_as_a_pendulum():
-    world = TossedWorld(
-        header(BALL), mu=0.0, epsilon=0.1, hidden={"curved_surface.kappa": 1.0, "curved_surface.y_0": 0.1}
-    )
+    bowl = {"curved_surface.kappa": 1.0, "curved_surface.y_0": 0.1}
+    world = TossedWorld(header(BALL), mu=0.0, epsilon=0.1, hidden=bowl)
     length, times, off = 1.0 - BALL.radius, np.linspace(0.02, 0.8, 20), 0.05
     height = 1.0 - np.sqrt(length**2 - off**2)
-    place = path(OwnTosses(), world, [0.0, 0.1 + off, height, 1.0, 0.0, 0.0, 0.0], np.zeros(6), times).position
+    place = path(OwnTosses(), world, [0.0, 0.1 + off, height], times).position
     np.testing.assert_allclose(place[1] - 0.1, off * np.cos(np.sqrt(G / length) * times), atol=1e-3)
     np.testing.assert_allclose(place[0], 0.0, atol=1e-9)
 
@@ -143,9 +138,7 @@ def test_a_softer_place_or_face_lets_a_ball_in_by_its_contact_time():
         {"orientation_dependent_contact_time.a_z": 0.5},
     ):
         world = TossedWorld(header(BALL), contact_time=2e-3, hidden=hidden)
-        z = path(
-            OwnTosses(), world, [0.1, 0.0, 0.06, 1.0, 0.0, 0.0, 0.0], [0.0, 0.0, -0.9, 0.0, 0.0, 0.0], times
-        ).height
+        z = path(OwnTosses(), world, [0.1, 0.0, 0.06], times, [0.0, 0.0, -0.9]).height
         deep.append(BALL.radius - z.min())
     np.testing.assert_allclose(np.array(deep[1:]) / deep[0], [1.0 / np.sqrt(0.6), np.exp(-0.5)], rtol=0.03)
 

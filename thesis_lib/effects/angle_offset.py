@@ -55,18 +55,16 @@ class AngleOffset(Effect):
         return np.eye(3)[[axis for axis in about if np.abs(np.delete(off, axis)).max() < ON_AXIS]]
 
     def to_true(self, state, p, rig):
-        if state.space.is_plane:
-            return state.moved(theta=state.theta - p["d_theta"])
         return _turned(state, p, -1.0, rig)
 
     def to_measured(self, state, p, rig):
-        if state.space.is_plane:
-            return state.moved(theta=state.theta + p["d_theta"])
         return _turned(state, p, 1.0, rig)
 
 
 def _turned(state, p, sign, rig):
-    """In space: the body turned by ±d about its own axes, its tracked point where it is."""
+    """The body turned by ±d, in space about its own axes, its tracked point where it is."""
+    if state.space.is_plane:
+        return state.moved(theta=state.theta + sign * p["d_theta"])
     d = of_rotation_vector(sign * vector(p, _NAMES))
     attitude = multiplied(state.attitude, np.broadcast_to(d, state.attitude.shape))
     return rig.turned(state, attitude, state.spin)

@@ -48,7 +48,7 @@ def friction(kicked: np.ndarray, limit: np.ndarray, K_tt: np.ndarray) -> np.ndar
     return np.maximum(np.minimum(kicked / -K_tt, limit), -limit)
 
 
-def walk(contact: Contact, factor: Callable[[np.ndarray], np.ndarray] | None = None, steps: int = STEPS) -> Impulse:
+def walk(contact: Contact, factor: Callable[[np.ndarray], np.ndarray], steps: int = STEPS) -> Impulse:
     """Impulses (2, n) at the ends of two paths: the friction of the first is μ `factor`(v_t), of the second μ."""
     dp = whole_impulse(contact) / steps
     kick, path = contact.K_tn * dp, NormalPath(contact)
@@ -56,9 +56,8 @@ def walk(contact: Contact, factor: Callable[[np.ndarray], np.ndarray] | None = N
     v_t = before = np.stack([contact.v_t, contact.v_t])
     with np.errstate(all="ignore"):
         for _ in range(steps):
-            if factor is not None:
-                # the slip in the middle of the step, extrapolated from the step before
-                limit[0] = limit[1] * factor(1.5 * v_t[0] - 0.5 * before[0])
+            # the slip in the middle of the step, extrapolated from the step before
+            limit[0] = limit[1] * factor(1.5 * v_t[0] - 0.5 * before[0])
             before, kicked = v_t, v_t + kick
             d_t = friction(kicked, limit, contact.K_tt)
             v_t = kicked + contact.K_tt * d_t

@@ -62,8 +62,8 @@ class Lens(Effect):
         return [{"c_x": x, "c_y": y} for x in ASIDE for y in ABOVE]
 
     def to_true(self, state, p, rig):
-        x, y = _from_centre(state, p, rig)
-        measured = np.hypot(x, y)
+        d = _from_centre(state, p, rig)
+        measured = np.hypot(*d)
         r = measured / np.cbrt(1.0 + np.maximum(p["k_1"], 0.0) * measured**2)
         for _ in range(NEWTON):
             more, bent = _stretch(r, p["k_1"])
@@ -73,19 +73,19 @@ class Lens(Effect):
                 break
         more, bent = _stretch(r, p["k_1"])
         less, straight = -more / (1.0 + more), -bent / ((1.0 + more) * (1.0 + more + bent * r * r))
-        return _moved(state, x, y, (1.0 + less) * x, (1.0 + less) * y, less, straight, rig)
+        return _moved(state, d, (1.0 + less) * d, less, straight, rig)
 
     def to_measured(self, state, p, rig):
-        x, y = _from_centre(state, p, rig)
-        return _moved(state, x, y, x, y, *_stretch(np.hypot(x, y), p["k_1"]), rig)
+        d = _from_centre(state, p, rig)
+        return _moved(state, d, d, *_stretch(np.hypot(*d), p["k_1"]), rig)
 
 
 def _from_centre(state, p, rig):
-    """d, two arrays (n,)."""
+    """d, (2, n)."""
     if not state.space.is_plane:
         about = np.array([[rig.reference.x], [rig.reference.y], [rig.height]])
         return _picture(rig).T @ (state.position + rig.lever(state) - about) - vector(p, _CENTRE)
-    return state.x - rig.reference.x - p["c_x"], state.y - rig.height - p["c_y"]
+    return np.stack([state.x - rig.reference.x - p["c_x"], state.y - rig.height - p["c_y"]])
 
 
 def _picture(rig):
@@ -102,20 +102,16 @@ def _stretch(r, k_1):
     return more, np.divide(3.0 * k_1 * inside**2 - more, r * r, out=np.zeros_like(r), where=r > 0.0)
 
 
-def _moved(state, x, y, d_x, d_y, more, bent, rig):
-    """Position and velocity times 1 + `more`, from (x, y); of the velocity also `bent` (d·v) d, at the true d."""
+def _moved(state, seen, d, more, bent, rig):
+    """Position and velocity times 1 + `more`, from `seen`; of the velocity also `bent` (d·v) d, at the true d."""
     if not state.space.is_plane:
-        axes, d = _picture(rig), np.stack([d_x, d_y])
+        axes = _picture(rig)
         v = axes.T @ state.space.velocity_at(state.velocity, state.spin, rig.lever(state))
         faster = more * v + bent * (d * v).sum(axis=0) * d
-        return state.changed(state.position + axes @ (more * np.stack([x, y])), velocity=state.velocity + axes @ faster)
-    along = bent * (d_x * state.vx + d_y * state.vy)
-    return state.moved(
-        x=state.x + more * x,
-        y=state.y + more * y,
-        vx=state.vx + more * state.vx + along * d_x,
-        vy=state.vy + more * state.vy + along * d_y,
-    )
+        return state.changed(state.position + axes @ (more * seen), velocity=state.velocity + axes @ faster)
+    v = state.velocity
+    faster = v + more * v + bent * (d * v).sum(axis=0) * d
+    return state.changed(state.position + more * seen, velocity=faster)
 
 
 EFFECT = Lens()

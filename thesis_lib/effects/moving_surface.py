@@ -35,19 +35,16 @@ class MovingSurface(Effect):
     breaks_mirror = True
 
     def to_contact(self, state, p, rig):
-        if not state.space.is_plane:
-            return _faster(state, -vector(p, ("V_x", "V_y")))
-        return state.moved(vx=state.vx - p["V"])
+        return _faster(state, p, -1.0)
 
     def from_contact(self, state, p, rig):
-        if not state.space.is_plane:
-            return _faster(state, vector(p, ("V_x", "V_y")))
-        return state.moved(vx=state.vx + p["V"])
+        return _faster(state, p, 1.0)
 
 
-def _faster(state, along):
-    """In space: the state with a velocity (2, n) along the surface more."""
-    return state.changed(velocity=np.concatenate([state.velocity[:2] + along, state.velocity[2:]]))
+def _faster(state, p, way):
+    """The state with `way` times the velocity of the surface more."""
+    along = way * vector(p, ("V",) if state.space.is_plane else ("V_x", "V_y"))
+    return state.changed(velocity=np.concatenate([state.velocity[:-1] + along, state.velocity[-1:]]))
 
 
 EFFECT = MovingSurface()

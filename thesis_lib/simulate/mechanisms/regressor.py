@@ -70,23 +70,17 @@ class PlantRegressor:
     """
 
     def __init__(self, plant: "MultibodyPlant", bodies: Sequence[str]) -> None:
+        from pydrake.autodiffutils import AutoDiffXd, InitializeAutoDiff
+        from pydrake.multibody.tree import SpatialInertia_, UnitInertia_
+
         self.names = parameter_names(bodies)
         self._nq, self._nv = plant.num_positions(), plant.num_velocities()
         self._plant = plant.ToAutoDiffXd()
         self._context = self._plant.CreateDefaultContext()
-        self._bodies = [self._plant.GetBodyByName(body) for body in bodies]
-        self._set_parameters()
-
-    def _set_parameters(self) -> None:
-        from pydrake.autodiffutils import AutoDiffXd, InitializeAutoDiff
-        from pydrake.multibody.tree import SpatialInertia_, UnitInertia_
-
         zero = AutoDiffXd(0.0)
         # any value does: the derivatives of a linear function are the same everywhere
-        value = np.tile([1.0, 0.0, 0.0, 1.0], len(self._bodies))
-        parameters = InitializeAutoDiff(value).ravel()
-        for i, body in enumerate(self._bodies):
-            m, mc_x, mc_y, inertia = parameters[4 * i : 4 * i + 4]
+        parameters = InitializeAutoDiff(np.tile([1.0, 0.0, 0.0, 1.0], len(bodies))).reshape(-1, 4)
+        for body, (m, mc_x, mc_y, inertia) in zip(bodies, parameters):
             unit = inertia / m
             spatial = SpatialInertia_[AutoDiffXd](
                 m,
@@ -95,8 +89,7 @@ class PlantRegressor:
                 UnitInertia_[AutoDiffXd](unit, unit, unit),
                 skip_validity_check=True,
             )
-            body.SetSpatialInertiaInBodyFrame(self._context, spatial)
-        self._value = value
+            self._plant.GetBodyByName(body).SetSpatialInertiaInBodyFrame(self._context, spatial)
 
     def __call__(self, q: np.ndarray, v: np.ndarray, a: np.ndarray) -> np.ndarray:
         """Y (n, nv, 4 b) at positions q (n, nq), velocities v and accelerations a (n, nv); 0.3 ms a row.

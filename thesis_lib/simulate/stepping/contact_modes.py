@@ -159,7 +159,7 @@ def solve_several(K: np.ndarray, v_c: np.ndarray, b: np.ndarray, mu: np.ndarray)
     k_scale, v_scale = np.trace(K) / (2 * k), max(np.abs(v_c).max(), np.abs(b).max()) or 1.0
     M, q = lcp_matrices(K / k_scale, v_c / v_scale, b / v_scale, mu)
     best, residual = np.full(4 * k, np.nan), np.inf
-    for solve in (partial(_by_drake, "MobyLcpSolver"), _enumerate, partial(_by_drake, "UnrevisedLemkeSolver")):
+    for solve in (partial(by_drake, "MobyLcpSolver"), _enumerate, partial(by_drake, "UnrevisedLemkeSolver")):
         z = solve(M, q)
         if z is not None:
             z, residual = _polished(M, q, z)
@@ -194,7 +194,7 @@ def _residual(M: np.ndarray, q: np.ndarray, z: np.ndarray) -> float:
     return float(max(0.0, -z.min(), -w.min(), np.abs(z * w).max()))
 
 
-def _by_drake(solver: str, M: np.ndarray, q: np.ndarray) -> np.ndarray | None:
+def by_drake(solver: str, M: np.ndarray, q: np.ndarray) -> np.ndarray | None:
     """z (4k,) from a solver of pydrake.solvers; None where it finds none."""
     from pydrake import solvers
 

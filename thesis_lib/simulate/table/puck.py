@@ -129,14 +129,8 @@ def simulate_puck(
     times = np.arange(int(DURATION * RATE)) / RATE
     path = (move or slide)(q, v, omega, table, times)
     seen = path + NOISE * rng.standard_normal(path.shape)
-    poses = pd.DataFrame(
-        {
-            "trial": np.repeat(np.arange(trials), len(times)),
-            "t": np.tile(times, trials),
-            "x": seen[..., 0].ravel(),
-            "y": seen[..., 1].ravel(),
-        }
-    )
+    poses = pd.DataFrame({"trial": np.repeat(np.arange(trials), len(times)), "t": np.tile(times, trials)})
+    poses[["x", "y"]] = seen.reshape(-1, 2)
     kept = (rng.random(len(poses)) >= LOST) & np.isfinite(poses["x"].to_numpy())
     poses = poses[kept].reset_index(drop=True).assign(theta=0.0)
     return Dataset(name, believed_header(), poses, has_angle=False)

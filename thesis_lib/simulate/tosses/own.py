@@ -28,15 +28,8 @@ class OwnTosses:
                 part[:, i].copy() for part in (centre.position, centre.attitude, centre.velocity, centre.spin)
             )
             toss(own, place, attitude, velocity, spin, times[i], poses[i])
-        flat = poses.reshape(-1, 7).T
-        moved = State(
-            flat,
-            np.full((6, flat.shape[1]), np.nan),
-            np.repeat(np.arange(n), times.shape[1]),
-            times.ravel(),
-            None,
-            SPACE,
-        )
+        trial = np.repeat(np.arange(n), times.shape[1])
+        moved = State.of(poses.reshape(-1, 7), np.full((len(trial), 6), np.nan), trial, times.ravel(), space=SPACE)
         return on_body(moved, -to_centre, STRAIGHT)
 
     def _world(self, world: TossedWorld) -> OnBalls:
