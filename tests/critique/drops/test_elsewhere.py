@@ -8,12 +8,13 @@ import numpy as np
 import pytest
 
 from thesis_lib.bodies.solids import Box
-from thesis_lib.critique.drops.criticise import DropsCritique, fit_model
+from thesis_lib.critique.drops.criticise import DropsCritique, criticise_drops, fit_model
 from thesis_lib.critique.drops.elsewhere import HitsElsewhere, hits_elsewhere
 from thesis_lib.critique.drops.settings import ElsewhereSettings
 from thesis_lib.critique.results.summary import struck_elsewhere
 from thesis_lib.critique.selection.discovery import Discovery
 from thesis_lib.datasets.format.header import SpaceHeader
+from thesis_lib.foundation.errors import UserError
 from thesis_lib.simulate.mujoco.outside import HAND
 from thesis_lib.simulate.mujoco.tosses import MujocoTosses
 from thesis_lib.simulate.tosses.camera import CameraInSpace, film
@@ -22,14 +23,18 @@ from thesis_lib.simulate.tosses.world import TossedWorld
 TOSSES = 30
 
 
-@cache
-def found(*hidden):
+def boxes(tosses, contact_time=1e-3, **hidden):
     body = {"shape": Box(half_extents=(0.05, 0.04, 0.03)), "mass": 0.25, "homogeneous": True}
     header = SpaceHeader.model_validate(
         {"schema": 2, "body": body, "rate": 240.0, "noise": {"position": 2e-4, "rotation": 2e-3}}
     )
-    world = TossedWorld(header, hidden=dict(hidden), contact_time=1e-3)
-    dataset = film("boxes", world, MujocoTosses(), CameraInSpace(), TOSSES, np.random.default_rng(3))
+    world = TossedWorld(header, hidden=hidden, contact_time=contact_time)
+    return film("boxes", world, MujocoTosses(), CameraInSpace(), tosses, np.random.default_rng(3))
+
+
+@cache
+def found(*hidden):
+    dataset = boxes(TOSSES, **dict(hidden))
     fitted = fit_model(dataset, "convex_contact")
     o = fitted.whitening.observations
     return o, lambda o=o, **settings: hits_elsewhere(fitted, o, ElsewhereSettings(**settings))
@@ -63,6 +68,12 @@ def test_hits_above_the_surface_are_found_though_the_law_fits_all_others():
     filtered = replace(o.found, guard=0.02)
     assert elsewhere(replace(o, value=value), trials=1).trials
     assert elsewhere(replace(o, value=value, found=filtered), trials=1) is None
+
+
+@pytest.mark.slow
+def test_contacts_of_tens_of_milliseconds_are_refused_as_no_impulse_describes_them():
+    with pytest.raises(UserError, match=r"cannot be compared with impact laws\. Contacts last about 3. ms"):
+        criticise_drops(boxes(12, contact_time=0.02), rng=np.random.default_rng(0))
 
 
 @pytest.mark.parametrize("found, verdict", [(None, "adequate"), (HitsElsewhere(3, 9, [(1, 0.2)]), "unexplained")])

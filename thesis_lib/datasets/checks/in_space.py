@@ -138,7 +138,9 @@ def _ends(
     solid = header.body.solid.about(header.body.centre)
     # as far as the body falls until the next sample, too
     speed = np.array([np.linalg.norm(track.v[min(at, len(t) - 1 - track.half)]) for at in last])
-    reach = OFF_SURFACE * solid.extent + 2.0 * np.nan_to_num(speed) * float(np.median(np.diff(t)))
+    after = np.minimum(last + 1, len(t) - 1)
+    lasts = np.where(np.array(trial)[after] == np.array(trial)[last], t[after] - t[last], 0.0)
+    reach = OFF_SURFACE * solid.extent + 2.0 * np.nan_to_num(speed) * np.maximum(lasts, float(np.median(np.diff(t))))
     off = np.flatnonzero(states.height + solid.lowest(states.attitude)[2] > reach)
     return held, {trial[last[i]]: own[last[i]] for i in off}
 

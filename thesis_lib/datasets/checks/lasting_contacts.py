@@ -45,10 +45,13 @@ class LastingContacts:
         )
 
 
-def lasting_contacts(samples: Samples, gap: np.ndarray, sigma: float, gravity: float) -> LastingContacts | None:
+def lasting_contacts(
+    samples: Samples, gap: np.ndarray, sigma: float, gravity: float, tumbles: bool = False
+) -> LastingContacts | None:
     """Contacts of more than `LONGER`; None if there are few, or if a wrong height of the surface explains them.
 
-    `gap` (N,) is that of each sample in m, `sigma` its noise; `gravity` in m/s².
+    `gap` (N,) is that of each sample in m, `sigma` its noise; `gravity` in m/s².  The lowest point of a body that
+    `tumbles` turns round without a force: there the depth must go with the speed.
     """
     inside, t, n = gap < 0.0, samples.t, len(samples)
     joined = np.r_[False, samples.run[1:] == samples.run[:-1]][:n]
@@ -73,7 +76,8 @@ def lasting_contacts(samples: Samples, gap: np.ndarray, sigma: float, gravity: f
     if np.median(end - first) < 2 or np.median(took) <= LONGER:
         return None
     some = np.unique(np.linspace(0, len(first) - 1, MOST).astype(int))
-    if not (_by_speed(speed[some], depth[some]) or _spread_out(t, gap, first[some], end[some], gravity)):
+    by_speed = _by_speed(speed[some], depth[some])
+    if not by_speed and (tumbles or not _spread_out(t, gap, first[some], end[some], gravity)):
         return None
     return LastingContacts(len(first), float(np.median(took)), float(depth.max()), float(inside.mean()))
 

@@ -38,6 +38,7 @@ from thesis_lib.critique.likelihood.in_space.left_out import (
 from thesis_lib.critique.likelihood.observations import Observations, rig_of, without_angle
 from thesis_lib.critique.likelihood.supports import supports_in_space
 from thesis_lib.datasets.checks.in_space import one_clock
+from thesis_lib.datasets.checks.lasting_contacts import lasting_contacts
 from thesis_lib.datasets.checks.tracked_pose import settled
 from thesis_lib.datasets.flights.beside_hits import fit_windows
 from thesis_lib.datasets.flights.lines import SideLines
@@ -116,6 +117,8 @@ def observe_in_space(
     samples = make_samples(states.trial, states.t, states.position[TO_PLANE].T, clock, settings)
     noise, smoothed = noise_of_samples(samples, states, header)
     times, interval = one_clock(whole)[1], sampling_interval(samples)
+    if (soft := lasting_contacts(samples, rig.gap(states), noise[0], dataset.gravity, tumbles=True)) is not None:
+        told += (soft.sentence(),)
 
     def again(least: float, lags: tuple[float, ...], low_pass: LowPass | None) -> Observations:
         changed = given.model_copy(update={"guard": max(given.guard, least)})
@@ -184,7 +187,7 @@ def observe_in_space(
         return again(lasts, lags, low_pass)
     hits = Hits(trial, instant, reason == "")
     flights = flights_in_space(states, times, hits, rig, noise, _touching(off_by[kept])[1], settings.guard)
-    if rounded:
+    if rounded and soft is None:
         lasting = max(float(np.median(-off_by[kept] / approach_speed(touching_first, rig))), 0.0) if kept.any() else 0.0
         gravity = -float(np.median(flights.acceleration[:, 2])) if len(flights) else dataset.gravity
         corners, sigma = found.corners(reason == "", gravity), np.full(3, noise[0])
@@ -227,6 +230,7 @@ def observe_in_space(
         found=replace(
             found_in_space(header, detected, ordinals(trial), reason, jumps(poses, all_hits, nearby), seen),
             low_pass=low_pass,
+            soft=soft,
             away=Away(first.select(away), second.select(away), middle),
             warnings=tuple(filter(None, (*told, too_slow(dataset.rate)))),
         ),

@@ -82,7 +82,8 @@ class Log:
                 f"{text}It is of a video tracker, with the points {', '.join(self.points)}: leave x, y and theta out "
                 "of --columns, and the points become the pose (--body POINT,POINT,… if some are not on the body)."
             )
-        ours = "z=…,q1=…,q2=…,q3=…,q4=…" if "z" in needed else "theta=…"
+        in_space = any(name == "z" or name.lower().startswith("q") for name in needed)
+        ours = "z=…,q1=…,q2=…,q3=…,q4=…" if in_space else "theta=…"
         text += f"Name yours with --columns trial=…,t=…,x=…,y=…,{ours}"
         raise UserError(text + ("" if len(columns) > 1 else ", and check --delimiter") + ".")
 
