@@ -13,7 +13,7 @@ Source: J. McCalpin, Memory bandwidth and machine balance, IEEE TCCA Newsletter 
 import numpy as np
 
 from benchmarks.impacts import BODY, PARAMETERS, falling_ellipses
-from benchmarks.results import Results, alternately, benchmark_parser
+from benchmarks.results import Results, alternately, at_least, benchmark_parser
 from thesis_lib.contact import LAWS, SIX_LAWS
 
 BYTES = 8 * (3 + 2 + 3 + 2) + 1  # v_pre, r, v_post, impulse; status is one byte
@@ -55,12 +55,10 @@ def measure(n: int, triad: int, rounds: int, results: Results) -> None:
 def main(arguments: list[str] | None = None) -> None:
     """Command line."""
     parser = benchmark_parser("bandwidth", "The impact laws against the machine's memory bandwidth.")
-    parser.add_argument("-n", type=int, default=1_000_000, metavar="IMPACTS")
-    parser.add_argument("--rounds", type=int, default=7)
+    parser.add_argument("-n", type=at_least(1), default=1_000_000, metavar="IMPACTS")
+    parser.add_argument("--rounds", type=at_least(1), default=7)
     options = parser.parse_args(arguments)
     n, triad, rounds = (20_000, 1 << 20, 2) if options.quick else (options.n, TRIAD, options.rounds)
-    if n < 1 or rounds < 1:
-        parser.error("IMPACTS and --rounds must be at least 1")
     results = Results("bandwidth")
     measure(n, triad, rounds, results)
     results.write(options.out)

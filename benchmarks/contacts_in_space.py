@@ -17,7 +17,7 @@ CPU time on one core, timed in turn, medians over the rounds.
 
 import numpy as np
 
-from benchmarks.results import Results, alternately, benchmark_parser, ratio
+from benchmarks.results import Results, alternately, at_least, benchmark_parser, ratio
 from thesis_lib.bodies.solids import Box
 from thesis_lib.contact import LAWS_IN_SPACE
 from thesis_lib.critique.contacts.bases import BASES
@@ -76,13 +76,11 @@ def measure(n: int, rounds: int, results: Results) -> None:
 def main(arguments: list[str] | None = None) -> None:
     """Command line."""
     parser = benchmark_parser("contacts_in_space", "Hits of a box in space: our laws beside MuJoCo and Drake.")
-    parser.add_argument("-n", type=int, default=2000, metavar="HITS", help="hits (2000)")
-    parser.add_argument("--rounds", type=int, default=5, help="rounds (5)")
+    parser.add_argument("-n", type=at_least(1), default=2000, metavar="HITS", help="hits (2000)")
+    parser.add_argument("--rounds", type=at_least(1), default=5, help="rounds (5)")
     options = parser.parse_args(arguments)
     if options.quick:
         options.n, options.rounds = 20, 1
-    if options.n < 1 or options.rounds < 1:
-        parser.error("HITS and --rounds must be at least 1")
     results = Results("contacts_in_space")
     measure(options.n, options.rounds, results)
     results.write(options.out)

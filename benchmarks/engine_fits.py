@@ -12,7 +12,7 @@ from importlib.util import find_spec
 
 import numpy as np
 
-from benchmarks.results import Results, benchmark_parser
+from benchmarks.results import Results, at_least, benchmark_parser
 from thesis_lib.critique.contacts.bases import BASES
 from thesis_lib.critique.contacts.engine_contact import STAND_INS
 from thesis_lib.critique.contacts.model import Model
@@ -47,13 +47,10 @@ def measure(n: int, results: Results) -> None:
 def main(arguments: list[str] | None = None) -> None:
     """Command line."""
     parser = benchmark_parser("engine_fits", "Fit MuJoCo, Drake and Bullet to impacts.")
-    parser.add_argument("-n", type=int, default=300, metavar="IMPACTS", help="impacts (300)")
+    parser.add_argument("-n", type=at_least(10), default=300, metavar="IMPACTS", help="impacts (300)")
     options = parser.parse_args(arguments)
-    n = 30 if options.quick else options.n
-    if n < 10:
-        parser.error("IMPACTS must be at least 10")
     results = Results("engine_fits")
-    measure(n, results)
+    measure(30 if options.quick else options.n, results)
     results.write(options.out)
 
 

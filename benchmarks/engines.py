@@ -23,7 +23,7 @@ from collections.abc import Callable
 import numpy as np
 
 from benchmarks.impacts import AXES, BODY, PARAMETERS, falling_ellipses
-from benchmarks.results import Results, alternately, benchmark_parser, ratio
+from benchmarks.results import Results, alternately, at_least, benchmark_parser, ratio
 from thesis_lib.contact import LAWS
 
 DEPTH = 1e-5  # m by which the body is in the plane, so that every engine sees the contact
@@ -168,12 +168,10 @@ def measure(n: int, rounds: int, seconds: float, results: Results) -> None:
 def main(arguments: list[str] | None = None) -> None:
     """Command line."""
     parser = benchmark_parser("engines", "One impact by our laws against one step of MuJoCo and of Drake.")
-    parser.add_argument("-n", type=int, default=500, metavar="STATES", help="states for the engines (500)")
-    parser.add_argument("--rounds", type=int, default=7)
+    parser.add_argument("-n", type=at_least(1), default=500, metavar="STATES", help="states for the engines (500)")
+    parser.add_argument("--rounds", type=at_least(1), default=7)
     options = parser.parse_args(arguments)
     n, rounds, seconds = (20, 2, 0.0) if options.quick else (options.n, options.rounds, 0.1)
-    if n < 1 or rounds < 1:
-        parser.error("STATES and --rounds must be at least 1")
     results = Results("engines")
     measure(n, rounds, seconds, results)
     results.write(options.out)

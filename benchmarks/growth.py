@@ -20,7 +20,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from benchmarks.impacts import BODY, PARAMETERS, falling_ellipses, simulated_impacts
-from benchmarks.results import Results, benchmark_parser, exponent
+from benchmarks.results import Results, at_least, benchmark_parser, exponent
 from thesis_lib.coefficients.cost import target_of
 from thesis_lib.coefficients.ensemble import fit_ensemble
 from thesis_lib.contact import LAWS, SIX_LAWS
@@ -108,11 +108,9 @@ def measure(
 def main(arguments: list[str] | None = None) -> None:
     """Command line."""
     parser = benchmark_parser("growth", "Growth of the cost with the number of drops.")
-    parser.add_argument("--largest", type=int, default=1_000_000, help="impacts (1000000)")
-    parser.add_argument("--critique", type=int, nargs="+", default=[50, 100, 200, 400], metavar="DROPS")
+    parser.add_argument("--largest", type=at_least(100), default=1_000_000, help="impacts (1000000)")
+    parser.add_argument("--critique", type=at_least(30), nargs="+", default=[50, 100, 200, 400], metavar="DROPS")
     options = parser.parse_args(arguments)
-    if options.largest < 100 or min(options.critique) < 30:
-        parser.error("at least 100 impacts, and 30 drops for the critique")
     largest, seconds = (1_000, 0.0) if options.quick else (options.largest, SECONDS)
     results = Results("growth")
     for name, make in (("laws", law_calls), ("comparison", comparison)):

@@ -15,7 +15,7 @@ import numpy as np
 from scipy.optimize import minimize
 
 from benchmarks.impacts import add_impact_options, chosen_impacts
-from benchmarks.results import Results, benchmark_parser
+from benchmarks.results import Results, at_least, benchmark_parser
 from thesis_lib.coefficients.cost import MeasuredImpulses, misfit, target_of
 from thesis_lib.coefficients.individual import MU_MAX, fit_individual
 from thesis_lib.contact import LAWS, SIX_LAWS
@@ -70,13 +70,11 @@ def main(arguments: list[str] | None = None) -> None:
         "identification", "CPU seconds of the individual identification of each law, and the ratio to scipy.optimize."
     )
     add_impact_options(parser, 1718)
-    parser.add_argument("--sample", type=int, default=60, metavar="S", help="impacts for scipy.optimize (60)")
+    parser.add_argument("--sample", type=at_least(1), default=60, metavar="S", help="impacts for scipy.optimize (60)")
     parser.add_argument("--all", action="store_true", help="the variants as published, too")
     options = parser.parse_args(arguments)
     if options.quick:
         options.n, options.sample, options.simulated = 40, 3, True
-    if options.sample < 1:
-        parser.error("S must be at least 1")
 
     rng = np.random.default_rng(0)
     impacts, source = chosen_impacts(parser, options, rng)

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
+from benchmarks.results import at_least
 from thesis_lib.bodies.shapes import Ellipse
 from thesis_lib.contact import LAWS
 from thesis_lib.datasets.format.impacts import Impacts
@@ -59,15 +60,13 @@ def add_impact_options(parser: argparse.ArgumentParser, n: int) -> None:
     """Options that say which impacts are used."""
     parser.add_argument("--data", type=Path, metavar="DIR", help="folder that holds the measured datasets")
     parser.add_argument("--simulated", action="store_true", help="even if measured impacts are here")
-    parser.add_argument("-n", type=int, default=n, metavar="N", help=f"impacts, at most ({n})")
+    parser.add_argument("-n", type=at_least(1), default=n, metavar="N", help=f"impacts, at most ({n})")
 
 
 def chosen_impacts(
     parser: argparse.ArgumentParser, options: argparse.Namespace, rng: np.random.Generator
 ) -> tuple[Impacts, str]:
     """All measured impacts, or N simulated ones where there are none; and "measured" or "simulated"."""
-    if options.n < 1:
-        parser.error("N must be at least 1")
     measured = None
     try:
         if not options.simulated:

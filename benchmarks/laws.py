@@ -13,7 +13,7 @@ import numpy as np
 
 from benchmarks.impacts import BODY, PARAMETERS, falling_ellipses
 from benchmarks.plain_laws import PLAIN_LAWS, resolve_all
-from benchmarks.results import Results, alternately, benchmark_parser, ratio
+from benchmarks.results import Results, alternately, at_least, benchmark_parser, ratio
 from thesis_lib.contact import LAWS, SIX_LAWS
 from thesis_lib.contact.space import contact_space
 
@@ -62,13 +62,11 @@ def measure(name: str, v_pre: np.ndarray, r: np.ndarray, rounds: int, seconds: f
 
 def main(arguments: list[str] | None = None) -> None:
     parser = benchmark_parser("laws", "Impacts per second of each impact law on one core, and the ratio to loops.")
-    parser.add_argument("-n", type=int, default=10_000, metavar="BATCH", help="impacts per batch (10000)")
-    parser.add_argument("--rounds", type=int, default=5)
+    parser.add_argument("-n", type=at_least(1), default=10_000, metavar="BATCH", help="impacts per batch (10000)")
+    parser.add_argument("--rounds", type=at_least(1), default=5)
     parser.add_argument("--all", action="store_true", help="the variants as published, too")
     options = parser.parse_args(arguments)
     n, rounds, seconds = (200, 1, 0.0) if options.quick else (options.n, options.rounds, SECONDS)
-    if n < 1 or rounds < 1:
-        parser.error("BATCH and --rounds must be at least 1")
 
     _, v_pre, r = falling_ellipses(np.random.default_rng(0), n)
     print(f"one core, batches of {n}; million impacts per CPU second")

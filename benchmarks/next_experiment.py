@@ -9,7 +9,7 @@ nats.  CPU time on one core.
 
 import time
 
-from benchmarks.results import Results, benchmark_parser
+from benchmarks.results import Results, at_least, benchmark_parser
 from thesis_lib.studies.proof.next_drops import KEY, Question, ask, read_answers
 
 
@@ -36,13 +36,10 @@ def measure(n: int, results: Results) -> None:
 def main(arguments: list[str] | None = None) -> None:
     """Command line."""
     parser = benchmark_parser("next_experiment", "Settle questions with proposed and with random drops.")
-    parser.add_argument("-n", type=int, default=20, metavar="QUESTIONS", help="questions (20)")
+    parser.add_argument("-n", type=at_least(1), default=20, metavar="QUESTIONS", help="questions (20)")
     options = parser.parse_args(arguments)
-    n = 1 if options.quick else options.n
-    if n < 1:
-        parser.error("QUESTIONS must be at least 1")
     results = Results("next_experiment")
-    measure(n, results)
+    measure(1 if options.quick else options.n, results)
     results.write(options.out)
 
 

@@ -46,6 +46,17 @@ def benchmark_parser(name: str, description: str) -> argparse.ArgumentParser:
     return parser
 
 
+def at_least(least: int) -> Callable[[str], int]:
+    """Type of an option: a whole number that is not less."""
+
+    def number(text: str) -> int:
+        if (value := int(text)) < least:
+            raise argparse.ArgumentTypeError(f"{value} is less than {least}")
+        return value
+
+    return number
+
+
 def alternately(calls: Mapping[str, Callable[[], object]], rounds: int, seconds: float = 0.0) -> dict[str, np.ndarray]:
     """CPU seconds (rounds,) of one call of each, measured round by round in turn.
 

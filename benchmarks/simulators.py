@@ -13,7 +13,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from benchmarks.results import Results, benchmark_parser
+from benchmarks.results import Results, at_least, benchmark_parser
 from thesis_lib.simulate.mechanisms import motions as chapter2
 from thesis_lib.simulate.stepping.multibody import Mechanism
 from thesis_lib.simulate.stepping.stepping import SimulatedMotion, simulate
@@ -71,13 +71,11 @@ def measure(kind: str, steps: int, repeat: int) -> dict[str, float]:
 
 def main(arguments: list[str] | None = None) -> None:
     parser = benchmark_parser("simulators", "Time steps per second and core of chapter 2's simulators.")
-    parser.add_argument("-n", type=int, default=2000, metavar="STEPS", help="steps in contact (2000)")
-    parser.add_argument("--repeat", type=int, default=5, help="rounds, the best counts (5)")
+    parser.add_argument("-n", type=at_least(1), default=2000, metavar="STEPS", help="steps in contact (2000)")
+    parser.add_argument("--repeat", type=at_least(1), default=5, help="rounds, the best counts (5)")
     options = parser.parse_args(arguments)
     if options.quick:
         options.n, options.repeat = 20, 1
-    if options.n < 1 or options.repeat < 1:
-        parser.error("STEPS and --repeat must be at least 1")
 
     columns = ("drop", "one_contact", "two_contacts", "drake_sap")
     print("thousand steps per CPU second, one core")

@@ -152,13 +152,3 @@ def test_nothing_to_identify_from(rng):
         fit_ensemble(LAWS["mirtich"], target[np.array([], dtype=int)], "impulse")
     with pytest.raises(ValueError, match="rng"):
         fit_ensemble(LAWS["mirtich"], target, "impulse", bootstrap=5)
-
-
-def test_mirror_images_have_the_same_parameters(rng):
-    impacts = falling_ellipses(rng, 60, law="mirtich", mu=0.2, epsilon=0.6, noise=0.1)
-    mirrored = replace(
-        impacts, v_pre=impacts.v_pre * [-1, 1, -1], v_post=impacts.v_post * [-1, 1, -1], r=impacts.r * [-1, 1]
-    )
-    for name in SIX_LAWS:
-        a, b = (fit_ensemble(LAWS[name], target_of(i), "impulse") for i in (impacts, mirrored))
-        assert (a.mu, a.epsilon) == pytest.approx((b.mu, b.epsilon), abs=2 * TOLERANCE)

@@ -14,23 +14,14 @@ LIMIT_MB = 2000
 PROGRAM = """
 import json, re, sys
 import numpy as np
-from thesis_lib.bodies.shapes import Ellipse
-from thesis_lib.contact import LAWS
-from thesis_lib.datasets.format.impacts import Impacts
+from tests.known_truth import falling_ellipses
 from thesis_lib.thesis.impact_study import study
 from thesis_lib.thesis.impact_study.tables import error_summary
 
 training = 500
 n = int(sys.argv[1]) + training
 rng = np.random.default_rng(0)
-body = {"mass": 0.05, "k_g": 0.0215}
-theta = rng.uniform(-np.pi, np.pi, n)
-r = Ellipse(semi_axes=(0.035, 0.025)).contact_point(theta)
-v_pre = np.stack([rng.normal(0.0, 0.6, n), rng.uniform(-2.5, -1.5, n), rng.normal(0.0, 8.0, n)], axis=1)
-v_post = LAWS["mirtich"](v_pre, r, **body, mu=0.1, epsilon=0.5).v_post
-v_post += rng.normal(size=(n, 3)) * [0.02, 0.02, 1.0]
-q = np.stack([np.zeros(n), -r[:, 1], theta], axis=1)
-impacts = Impacts(np.arange(n), np.zeros(n, int), q, v_pre, v_post, r, **body)
+impacts = falling_ellipses(rng, n, "mirtich", mu=0.1, epsilon=0.5, noise=0.02)
 split = study.split_table(impacts, np.arange(n) < training)
 ensemble = study.ensemble_table(study.pick(impacts, split, 1), study.ALL_LAWS, ["kinetic"], 0, rng)
 errors = study.held_out_errors(impacts, split, ensemble, "kinetic")

@@ -1,14 +1,14 @@
 """Impacts of an ellipse whose law is known, and models that a critique saved, for the tests of learners and dice."""
 
+from dataclasses import replace
+
 import numpy as np
+from known_truth import K_G, MASS, SHAPE, falling_ellipses, with_outcome
 
 from thesis_lib.bodies.shapes import Ellipse, Polygon
-from thesis_lib.contact import LAWS
 from thesis_lib.contact.space import contact_space
 from thesis_lib.critique.results.saved_model import SavedModel
 from thesis_lib.datasets.format.impacts import Impacts
-
-SHAPE, MASS, K_G = Ellipse(semi_axes=(0.035, 0.025)), 0.0364, 0.0192
 
 
 def made_impacts(
@@ -24,18 +24,12 @@ def made_impacts(
 ) -> Impacts:
     """n approaching impacts under `law`; `couple` adds τ = couple · m k v_t, `noise` is in m/s."""
     rng = np.random.default_rng(seed)
-    theta = rng.uniform(-np.pi, np.pi, 3 * n)
-    v_pre = np.stack([rng.normal(0.0, 0.6, 3 * n), rng.uniform(-2.5, -1.0, 3 * n), rng.normal(0.0, 8.0, 3 * n)], 1)
-    v_pre *= speed
-    r = SHAPE.contact_point(theta)
-    keep = np.flatnonzero(v_pre[:, 1] + r[:, 0] * v_pre[:, 2] < -0.1)[:n]
-    theta, v_pre, r = theta[keep], v_pre[keep], r[keep]
-    v_post = LAWS[law](v_pre, r, mass=MASS, k_g=K_G, mu=mu, epsilon=epsilon).v_post
-    v_post[:, 2] += couple * contact_space(v_pre, r, mass=MASS, k_g=K_G).v_t / K_G
-    v_post += noise * rng.normal(size=v_pre.shape) / [1.0, 1.0, K_G]
-    trial = np.arange(len(theta))
-    q = np.stack([np.zeros_like(theta), -r[:, 1], theta], axis=1)
-    return Impacts(trial, np.zeros_like(trial), q, v_pre, v_post, r, k_g=K_G, mass=MASS)
+    states = falling_ellipses(rng, n)
+    states = replace(states, trial=np.arange(n), impact=np.zeros(n, int), v_pre=speed * states.v_pre)
+    impacts = with_outcome(states, law, mu, epsilon, noise, rng)
+    v_t = contact_space(impacts.v_pre, impacts.r, mass=MASS, k_g=K_G).v_t
+    impacts.v_post[:, 2] += couple * v_t / K_G
+    return impacts
 
 
 def saved_model(

@@ -7,14 +7,12 @@ from types import SimpleNamespace
 import numpy as np
 import pandas as pd
 import pytest
+from known_truth import K_G, MASS, SHAPE, falling_ellipses
 from pipeline_copy import ROOT
 
 from thesis_lib.bodies.body import Body
-from thesis_lib.bodies.shapes import Ellipse
-from thesis_lib.contact import LAWS
 from thesis_lib.datasets.format.dataset import Dataset
 from thesis_lib.datasets.format.header import Header
-from thesis_lib.datasets.format.impacts import IMPACT_COLUMNS
 from thesis_lib.datasets.format.write import write_dataset
 from thesis_lib.thesis.impact_study.settings import Chapter3
 
@@ -23,24 +21,14 @@ JUDGED = ("errors", "summary", "table_3_1", "table_3_2", "coverage", "statements
 SETTINGS = Chapter3(
     bootstrap=2, convergence={"sizes": (5, 10), "subsets": 2}, topography={"points": 5, "n": 10}
 ).model_dump(mode="json")
-BODY = Body(shape=Ellipse(semi_axes=(0.035, 0.025)), mass=0.04, radius_of_gyration=0.019)
 
 
 def small_dataset(folder) -> None:
     """40 trials of one or two impacts that AP Newton made, with a little noise."""
-    rng = np.random.default_rng(3)
-    trial = np.repeat(np.arange(40), np.arange(40) % 2 + 1)
-    impact = np.concatenate([np.arange(i % 2 + 1) for i in range(40)])
-    n = len(trial)
-    theta = rng.uniform(-np.pi, np.pi, n)
-    v_pre = np.stack([rng.normal(0.0, 0.6, n), rng.uniform(-2.5, -1.5, n), rng.normal(0.0, 8.0, n)], axis=1)
-    r = BODY.shape.contact_point(theta)
-    body = {"mass": BODY.mass, "k_g": BODY.radius_of_gyration}
-    v_post = LAWS["anitescu_potra_newton"](v_pre, r, **body, mu=0.1, epsilon=0.5).v_post
-    v_post = v_post + rng.normal(size=(n, 3)) * [0.02, 0.02, 1.0]
-    values = np.column_stack([trial, impact, np.zeros(n), -r[:, 1], theta, v_pre, v_post])
-    table = pd.DataFrame(values, columns=list(IMPACT_COLUMNS)).astype({"trial": int, "impact": int})
-    write_dataset(Dataset("small", Header(schema=1, body=BODY, rate=250.0), None, table), folder)
+    pairs = falling_ellipses(np.random.default_rng(3), 80, "anitescu_potra_newton", 0.1, 0.5, noise=0.02)
+    table = pairs.select((pairs.impact == 0) | (pairs.trial % 2 == 1)).to_table()
+    body = Body(shape=SHAPE, mass=MASS, radius_of_gyration=K_G)
+    write_dataset(Dataset("small", Header(schema=1, body=body, rate=250.0), None, table), folder)
 
 
 @pytest.fixture(scope="module")

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 import pytest
-from known_truth import falling_ellipses
+from known_truth import falling_ellipses, with_outcome
 from small_study import TRUTH
 
 from thesis_lib.coefficients.cost import contact_momentum, target_of
@@ -105,8 +105,7 @@ def farthest_beyond(name):
     rng = np.random.default_rng(5)
     impacts = falling_ellipses(rng, 6000)
     mu, epsilon = rng.uniform(size=(2, len(impacts)))
-    out = LAWS[name](impacts.v_pre, impacts.r, mass=impacts.mass, k_g=impacts.k_g, mu=mu, epsilon=epsilon)
-    target = target_of(replace(impacts, v_post=out.v_post))
+    target = target_of(with_outcome(impacts, name, mu, epsilon))
     return beyond_sticking(target.space, target.c_t, target.c_n).max()
 
 

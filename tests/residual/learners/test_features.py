@@ -67,10 +67,3 @@ def test_the_ten_inputs_of_the_contact_map_hold_all_that_x1_is_made_of(impacts):
     away = replace(impacts, q=impacts.q + [0.3, 0.0, 0.0])
     np.testing.assert_array_equal(features(away, "X1"), features(impacts, "X1"))
     assert (features(away, "full") != full).any(axis=0).tolist() == [True] + 9 * [False]
-
-
-def test_mirrored_impacts_have_mirrored_features(impacts):
-    mirrored = replace(impacts, v_pre=impacts.v_pre * [-1, 1, -1], r=impacts.r * [-1, 1])
-    np.testing.assert_allclose(
-        features(mirrored, "X1_omega"), features(impacts, "X1_omega") * [1, -1, 1, -1, 1, -1], atol=ROUNDING
-    )

@@ -4,7 +4,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
-from impacts_for_tests import K_G, MASS, made_impacts, saved_model
+from impacts_for_tests import made_impacts, saved_model
+from known_truth import K_G, MASS, with_outcome
 
 from thesis_lib.contact.bounds import irb_bound
 from thesis_lib.contact.space import velocity_error
@@ -80,15 +81,12 @@ def test_a_residual_on_the_right_law_is_nothing():
 
 def test_learned_parameters_find_friction_that_changes():
     """μ rises with the speed of slip: one μ fails, learned ones follow."""
-    from thesis_lib.contact import LAWS
     from thesis_lib.contact.space import contact_space
 
     def impacts(n, seed):
         one = made_impacts(n, seed)
         slip = np.abs(contact_space(one.v_pre, one.r, mass=MASS, k_g=K_G).v_t)
-        mu = 0.05 + 0.3 * slip / (1.0 + slip)
-        out = LAWS[LAW](one.v_pre, one.r, mass=MASS, k_g=K_G, mu=mu, epsilon=0.5)
-        return replace(one, v_post=out.v_post)
+        return with_outcome(one, LAW, 0.05 + 0.3 * slip / (1.0 + slip), 0.5)
 
     train, test = impacts(200, 4), impacts(200, 5)
     learned = ALL["law_parameters"].fit(train, np.random.default_rng(0)).predict(test)

@@ -24,11 +24,10 @@ from sklearn.neighbors import NearestNeighbors
 
 from thesis_lib.foundation.randomness import streams
 from thesis_lib.thesis.residual.dice.data import MeasuredContacts, ThrowReleases
-from thesis_lib.thesis.residual.dice.fit import DiceModel
+from thesis_lib.thesis.residual.dice.fit import DiceModel, touch_down
 from thesis_lib.thesis.residual.dice.models import Thrower, throw_starts
 from thesis_lib.thesis.residual.dice.settings import DiceStudySettings
 from thesis_lib.thesis.residual.dice.tables import spread
-from thesis_lib.thesis.residual.throwing.flight import first_touch, fly
 
 CONTACTS = 6  # restarts before contacts 0 to 5
 NEIGHBOURS = (3, 5, 10, 20, 40)  # tried on training throws
@@ -88,9 +87,7 @@ def _ends(
 
 def _touches(model: DiceModel, releases: ThrowReleases, side: float) -> tuple[np.ndarray, np.ndarray]:
     """Features (n, 5) of the first touch, and outcomes (n, 2): displacement from there in sides, quarter turns."""
-    q = model.seen(releases.q)
-    t, _ = first_touch(model.body, q, releases.v)
-    q, v = fly(model.body, q, releases.v, t)
+    _, q, v, *_ = touch_down(model, releases)
     before = np.round(q[:, 2] / QUARTER)
     askew = q[:, 2] - QUARTER * before
     turns = np.round(releases.end[:, 2] / QUARTER) - before
