@@ -25,7 +25,8 @@ def command(tmp_path, results, write_ledger, entries, monkeypatch):
     write_table(pd.DataFrame({"error": [0.1, 0.2, 0.3]}), figure)
 
     def command(name, scale="quick"):
-        arguments = [name, "--results", results, "--ledger", tmp_path / "claims.yaml", "--scale", scale]
+        arguments = [name, "--results", results, "--ledger", tmp_path / "claims.yaml"]
+        arguments += ["--scale", scale] if scale else []
         if name != "page":
             arguments += ["--expected", tmp_path / "expected.yaml", "--stored", tmp_path / "stored"]
         return main(list(map(str, arguments)))
@@ -100,6 +101,10 @@ def test_page(command, results, capsys):
     assert command("page") == 0
     assert "Claims ledger" in (results / "claims.html").read_text(encoding="utf-8")
     assert len(pd.read_csv(results / "claims.csv")) == 9
+    of_quick = (results / "claims.html").read_bytes()
+    (results / "provenance.json").write_text('{"scale": "quick"}', encoding="utf-8")
+    assert command("page", scale=None) == 0
+    assert (results / "claims.html").read_bytes() == of_quick
 
     (results / "chapter3" / "table.csv").unlink()
     assert command("page") == 2  # the page still shows what is wrong

@@ -46,6 +46,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     options = _parser().parse_args(argv)
     if options.present is None:
         options.present = options.results / "datasets" / "present.json"
+    if options.scale is None:
+        options.scale = _scale_of(options.results)
     return {"check": _check, "update": _update, "page": _page}[options.command](options)
 
 
@@ -64,14 +66,19 @@ def _parser() -> Parser:
         for option, (default, meaning) in (PATHS | ({} if of_page else STORED)).items():
             subparser.add_argument(option, type=Path, default=Path(default), help=meaning)
         subparser.add_argument("--present", type=Path, help="default: <results>/datasets/present.json")
-        meaning = "scale at which the pipeline ran" + (
-            "; without it claims are judged for which quick is too small" if of_page else ""
-        )
-        choice = {"choices": ("quick", "default"), "default": "" if of_page else None}
-        subparser.add_argument("--scale", **choice, required=not of_page, help=meaning)
+        meaning = "scale at which the pipeline ran" + ("; default: as in its provenance.json" if of_page else "")
+        subparser.add_argument("--scale", choices=("quick", "default"), required=not of_page, help=meaning)
         if name == "check":
             subparser.add_argument("--json", action="store_true", help="print JSON instead of text")
     return parser
+
+
+def _scale_of(results: Path) -> str:
+    """The scale of a run by its provenance; "" if there is none: then no claim is too small to be judged."""
+    from thesis_lib.foundation.files import read_json
+
+    provenance = results / "provenance.json"
+    return str(read_json(provenance).get("scale", "")) if provenance.exists() else ""
 
 
 def _evaluate(options: argparse.Namespace) -> tuple[list, dict[str, bool]]:
