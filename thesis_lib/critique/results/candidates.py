@@ -14,7 +14,7 @@ import pandas as pd
 from thesis_lib.critique.drops.criticise import DropsCritique
 from thesis_lib.critique.drops.judgement import Judgement, channel_is_material, judge, spoilt_channels
 from thesis_lib.critique.drops.world import Drops
-from thesis_lib.critique.likelihood.channels import CHANNELS
+from thesis_lib.critique.likelihood.channels import CHANNELS, concerned
 from thesis_lib.critique.likelihood.fit import Fit
 from thesis_lib.critique.results.numbers import gain_an_impact
 from thesis_lib.critique.results.titles import effect_title
@@ -53,7 +53,8 @@ def _standing(
     falls = [channel for channel in CHANNELS if channel_is_material(judged, alone, channel, settings)]
     for step in discovery.steps:
         if name == step.effect.name:
-            return FOUND, f"lowers errors of {_errors(falls)}" if falls else "predicts held-out trials better"
+            own = [channel for channel in falls if channel in concerned(step.effect)]
+            return FOUND, f"lowers errors of {_errors(own)}" if own else "predicts held-out trials better"
         if name in step.alternatives:
             return ALIKE, f"these data cannot tell it from “{effect_title(step.effect.name)}”"
     for one in discovery.rejected:
