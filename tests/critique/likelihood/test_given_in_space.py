@@ -46,8 +46,7 @@ def content(**changes) -> dict:
 def hits(head: dict, trials: int, seed: int = 0) -> pd.DataFrame:
     """Hits of tosses as impacts.csv has them: of the tracked frame, in axes of the recording, without noise."""
     header = SpaceHeader.model_validate(head)
-    (frame,) = surface_frames(header)
-    made = simulate_tosses(header, frame, trials, np.random.default_rng(seed), **TRUTH).hits
+    made = simulate_tosses(header, trials, np.random.default_rng(seed), **TRUTH).hits
     table = {"trial": made["trial"], "impact": made.groupby("trial").cumcount(), "t": made["t"]}
     for names in (V_PRE_IN_SPACE, V_POST_IN_SPACE):
         motion, pose = made[list(names)].to_numpy(), made[list(POSE_IN_SPACE)].to_numpy()
