@@ -58,13 +58,6 @@ def test_p_values_count_the_candidates_tried():
     assert 2.0 * np.median(one.null) == pytest.approx(0.455, abs=0.15)
 
 
-def test_p_value_limits():
-    found = scanned(observed())
-    assert found.p_value(np.inf) == pytest.approx(1.0 / (RESAMPLES + 1))
-    assert found.p_value(-1.0) == 1.0
-    assert len(found.null) == RESAMPLES
-
-
 def test_no_candidates_no_gain():
     found = scanned(observed(), names=())
     assert found.gain == {} and (found.null == 0.0).all()
