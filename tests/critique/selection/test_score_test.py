@@ -34,6 +34,7 @@ def test_the_injected_effect_gains_most(name):
     found = scanned(injected(name, factor=0.5)[0])
     assert max(found.gain, key=found.gain.get) == name
     assert found.p_value(found.gain[name]) == pytest.approx(1.0 / (RESAMPLES + 1))
+    assert found.p_value(-1.0) == 1.0
 
 
 @pytest.mark.slow
