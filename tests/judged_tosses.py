@@ -9,8 +9,6 @@ from thesis_lib.critique.drops.criticise import DropsCritique, fit_model
 from thesis_lib.critique.drops.judgement import judge
 from thesis_lib.critique.drops.settings import CritiqueSettings
 from thesis_lib.datasets import dataset_of
-from thesis_lib.datasets.format.frames import surface_frames
-from thesis_lib.datasets.format.header import SpaceHeader
 
 LAW = "anitescu_potra_newton"  # that of the tosses
 NOISE = {"position": 2e-4, "rotation": 3e-3}
@@ -21,8 +19,7 @@ def judged_tosses(shape: dict, trials: int = 8, held_out: int = 5) -> DropsCriti
     """Fits of `LAW`, alone and with an effect that is not there, to all tosses, judged on the last `held_out` ones."""
     body = {"shape": shape, "mass": 0.25, "homogeneous": True}
     header = {"schema": 2, "body": body, "rate": 240.0, "noise": NOISE}
-    of_body = SpaceHeader.model_validate(header)
-    made = simulate_tosses(of_body, surface_frames(of_body)[0], trials, np.random.default_rng(5), LAW)
+    made = simulate_tosses(header, trials, np.random.default_rng(5), LAW)
     dataset = dataset_of(header, trajectories=made.trajectories)
     fits = [fit_model(dataset, LAW, names) for names in ((), ("wrong_size",))]
     o = fits[0].whitening.observations

@@ -11,7 +11,7 @@ import pandas as pd
 
 from thesis_lib.bodies.solids import Solid
 from thesis_lib.contact import LAWS
-from thesis_lib.datasets.format.frames import tracked_of_body
+from thesis_lib.datasets.format.frames import surface_frames, tracked_of_body
 from thesis_lib.datasets.format.header import SpaceHeader
 from thesis_lib.datasets.format.table_forms import POSE_IN_SPACE, V_POST_IN_SPACE, V_PRE_IN_SPACE
 from thesis_lib.mechanics.contact import contact_at, velocity_change
@@ -38,8 +38,7 @@ class Tosses:
 
 
 def simulate_tosses(
-    header: SpaceHeader,
-    frame: Frame,
+    header: SpaceHeader | dict,
     trials: int,
     rng: np.random.Generator,
     law: str = "anitescu_potra_newton",
@@ -49,7 +48,7 @@ def simulate_tosses(
     spin: float = 8.0,
     noise: tuple[float, float] = (2e-4, 3e-3),
 ) -> Tosses:
-    """Tosses of the body of `header` on the surface with this frame.
+    """Tosses of the body of `header`, or of what dataset.yaml says, on its surface.
 
     Args:
         law, mu, epsilon: of the hits; `law` is a key of `LAWS` that lives in space.
@@ -60,6 +59,8 @@ def simulate_tosses(
     Raises:
         UserError: the header does not say where the tracked frame is.
     """
+    header = SpaceHeader.model_validate(header)
+    (frame,) = surface_frames(header)
     down = frame.vectors_in(np.array(header.gravity)[:, None])
     solid, G = header.body.solid.about(header.body.centre), header.body.inertia_per_mass
     samples, hits = [], []

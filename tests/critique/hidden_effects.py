@@ -13,25 +13,23 @@ from thesis_lib.effects import EFFECTS
 from thesis_lib.effects.effect import Effect, Rig
 from thesis_lib.mechanics.state import State
 from thesis_lib.simulate.compliant.drops import simulate_compliant_drops
-from thesis_lib.simulate.rig.hidden_causes import ELLIPSE_BODY, PROOF_RELEASE, HiddenCauses
+from thesis_lib.simulate.rig.hidden_causes import ELLIPSE_BODY, PROOF_RELEASE, RIG_NOISE, HiddenCauses
 
 DROPS = 60
-RIG_NOISE = Noise(position=3e-4, angle=3e-3)
 ANISOTROPY = 0.3  # hidden in `hidden_drops`
 E_T = 0.4  # hidden in `hidden_impacts`
 
 
-def simulated(name: str, seed: int, **mechanisms: float) -> Dataset:
+def recorded(body: Body, drops: int, seed: int, name: str = "drops", **given) -> Dataset:
     """Drops with compliant contact in continuous time, sampled as a rig would."""
-    drops = simulate_compliant_drops(
-        ELLIPSE_BODY,
-        PROOF_RELEASE,
-        DROPS,
-        hidden=HiddenCauses(**mechanisms),
-        noise=RIG_NOISE,
-        rng=np.random.default_rng(seed),
-    )
-    return Dataset(name, drops.header, drops.trajectories)
+    rng = np.random.default_rng(seed)
+    made = simulate_compliant_drops(body, PROOF_RELEASE, drops, rng=rng, **{"noise": RIG_NOISE} | given)
+    return Dataset(name, made.header, made.trajectories)
+
+
+def simulated(name: str, seed: int, **mechanisms: float) -> Dataset:
+    """Such drops of an ellipse, with causes hidden in them."""
+    return recorded(ELLIPSE_BODY, DROPS, seed, name, hidden=HiddenCauses(**mechanisms))
 
 
 def injected_impacts(

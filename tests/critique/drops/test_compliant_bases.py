@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from hidden_effects import recorded
 
 from thesis_lib.bodies.body import Noise
 from thesis_lib.contact import LAWS
@@ -19,7 +20,6 @@ from thesis_lib.critique.drops.world import Drops
 from thesis_lib.critique.likelihood.fit import fit
 from thesis_lib.critique.likelihood.observations import observe
 from thesis_lib.critique.likelihood.whitening import Whitening
-from thesis_lib.datasets.format.dataset import Dataset
 from thesis_lib.datasets.format.impacts import POSE, V_POST, V_PRE
 from thesis_lib.effects import EFFECTS
 from thesis_lib.effects.effect import Rig
@@ -41,6 +41,7 @@ from thesis_lib.simulate.rig.hidden_causes import (
 
 RIG = Rig(ELLIPSE_BODY.shape, ELLIPSE_BODY.radius_of_gyration, 9.81, 0.0)
 SHORT = {"mu": 0.15, "epsilon": 0.6, "tau": 2e-6}  # s; nothing moves meanwhile
+QUIET = Noise(position=0.1 * RIG_NOISE.position, angle=0.1 * RIG_NOISE.angle)
 STEPPED = 0.006  # of ε: 48 steps in a contact, which ends within one
 
 
@@ -48,6 +49,15 @@ def touching(theta: np.ndarray, v: np.ndarray) -> State:
     """Ellipses at angles (n,) in rad that touch with velocities (n, 3)."""
     height = -RIG.shape.contact_point(theta)[:, 1]
     return State.of(np.column_stack([np.zeros_like(theta), height, theta]), v, np.arange(len(theta)), 0.0 * theta)
+
+
+def thrown(seed: int, n: int) -> State:
+    """Those of n bodies in random states of which the contact point comes down."""
+    rng = np.random.default_rng(seed)
+    v = np.column_stack([rng.uniform(-1.5, 1.5, n), rng.uniform(-3.0, -0.8, n), rng.uniform(-12.0, 12.0, n)])
+    state = touching(rng.uniform(0.0, 2.0 * np.pi, n), v)
+    r_x = RIG.shape.contact_point(state.theta)[:, 0]
+    return state.select(np.flatnonzero(v[:, 1] + r_x * v[:, 2] < -0.3))
 
 
 @pytest.mark.parametrize("name", RESERVE)
@@ -74,11 +84,7 @@ def test_a_contact_without_friction_has_the_restitution_of_its_force(name):
 
 @pytest.mark.parametrize("name", [name for name in RESERVE if name != "convex_contact"])
 def test_short_contacts_tend_to_the_limit(name):
-    rng = np.random.default_rng(3)
-    v = np.column_stack([rng.uniform(-1.5, 1.5, 100), rng.uniform(-3.0, -0.8, 100), rng.uniform(-12.0, 12.0, 100)])
-    state = touching(rng.uniform(0.0, 2.0 * np.pi, 100), v)
-    r_x = RIG.shape.contact_point(state.theta)[:, 0]
-    state = state.select(np.flatnonzero(v[:, 1] + r_x * v[:, 2] < -0.3))
+    state = thrown(3, 100)
     model = Model(BASES[name], takes_time=True)
     after, _ = press(bind(model, SHORT | {STICTION_TOLERANCE.name: 0.0}, RIG), state)
     limit, _ = bind(model.limit, SHORT, RIG).collide(state)
@@ -118,20 +124,12 @@ def test_a_convex_contact_is_that_of_mujoco(body, impedance, ratio):
     assert min(error("damped_contact"), error("convex_contact", **other)) > 5.0 * error("convex_contact")
 
 
-def usual(contact: MujocoContact, drops: int) -> Dataset:
-    """Noisy drops of a square with MuJoCo's default solimp and impratio."""
-    rng = np.random.default_rng(7)
-    given = {"engine": DropsInMujoco(), "contact": contact, "noise": RIG_NOISE}
-    made = simulate_compliant_drops(SQUARE, PROOF_RELEASE, drops, rng=rng, **given)
-    return Dataset("usual", made.header, made.trajectories)
-
-
 DEFAULT = {"impedance": 0.9, "deep_impedance": 0.95, "impratio": 1.0, "steps": 100}
 
 
 @pytest.mark.slow
 def test_mujoco_s_usual_impedance_is_fitted():
-    o = observe(usual(MujocoContact(contact_time=8e-4, **DEFAULT), 40))
+    o = observe(recorded(SQUARE, 40, 7, engine=DropsInMujoco(), contact=MujocoContact(contact_time=8e-4, **DEFAULT)))
     fitted = fit(Model(BASES["convex_contact"], takes_time=True), o)
     assert 0.88 < fitted.values["impedance"] < 0.95
     # 2: what 0.9 to 0.95 over the depth leave, in a few dozen impacts
@@ -144,13 +142,11 @@ def test_mujoco_s_default_solref_is_too_soft_for_an_impact():
     soft = {"contact_time": 0.04 * np.sqrt(0.95), "epsilon": np.exp(-2.0)}
     contact = MujocoContact.model_construct(**MujocoContact(**DEFAULT).model_dump() | soft)
     with pytest.raises(UserError, match=r"Contacts last about .* contact is soft, as that of foam or of a simulator"):
-        criticise_drops(usual(contact, 15), rng=np.random.default_rng(0))
+        criticise_drops(recorded(SQUARE, 15, 7, engine=DropsInMujoco(), contact=contact), rng=np.random.default_rng(0))
 
 
 def test_a_clock_so_late_that_bodies_do_not_come_off_can_be_weighed():
-    rng = np.random.default_rng(4)
-    made = simulate_compliant_drops(SQUARE, PROOF_RELEASE, 12, engine=DropsInMujoco(), noise=RIG_NOISE, rng=rng)
-    o = observe(Dataset("late", made.header, made.trajectories))
+    o = observe(recorded(SQUARE, 12, 4, engine=DropsInMujoco()))
     model = Model(BASES["convex_contact"], (EFFECTS["time_lag"],), takes_time=True)
     values = {"mu": 0.15, "epsilon": 0.55, "tau": 4e-4, "damping_ratio": 10.0, "time_lag.lag": -0.03}
     whitening = Whitening.at(model, values, o)  # a residual without noise would make it singular
@@ -160,9 +156,7 @@ def test_a_clock_so_late_that_bodies_do_not_come_off_can_be_weighed():
 @pytest.mark.slow
 def test_hertz_is_named_where_contacts_are_long():
     contact = CompliantContact(contact_time=3e-3, exponent=1.5)
-    rng = np.random.default_rng(1)
-    made = simulate_compliant_drops(ELLIPSE_BODY, PROOF_RELEASE, 70, contact=contact, noise=RIG_NOISE, rng=rng)
-    judged = criticise_drops(Dataset("hertz", made.header, made.trajectories), rng=np.random.default_rng(1))
+    judged = criticise_drops(recorded(ELLIPSE_BODY, 70, 1, contact=contact), rng=np.random.default_rng(1))
     assert judged.verdict == "adequate"
     fitted = judged.ladder[-1][1]
     assert fitted.base == "hertz_contact" and fitted.values["epsilon"] == pytest.approx(0.55, abs=0.003)
@@ -174,17 +168,9 @@ def test_hertz_is_named_where_contacts_are_long():
 @pytest.mark.parametrize(("shape", "exponent"), [("ellipse", 1.5), ("square", 1.0)])
 def test_a_spring_along_the_surface_is_that_of_the_simulated_contact(shape, exponent):
     body = {"ellipse": ELLIPSE_BODY, "square": SQUARE}[shape]
-    quiet = Noise(position=0.1 * RIG_NOISE.position, angle=0.1 * RIG_NOISE.angle)
-    drops = simulate_compliant_drops(
-        body,
-        PROOF_RELEASE,
-        40,
-        contact=CompliantContact(contact_time=3e-3, exponent=exponent, steps=400),
-        hidden=HiddenCauses(tangential_compliance=0.3),
-        noise=quiet,
-        rng=np.random.default_rng(1),
-    )
-    o = observe(Dataset("spring", drops.header, drops.trajectories))
+    contact = CompliantContact(contact_time=3e-3, exponent=exponent, steps=400)
+    hidden = HiddenCauses(tangential_compliance=0.3)
+    o = observe(recorded(body, 40, 1, contact=contact, hidden=hidden, noise=QUIET))
     base = BASES["compliant_contact" if exponent == 1.0 else "hertz_contact"]
     fitted = fit(Model(base, (EFFECTS["tangential_compliance"],), takes_time=True), o)
     assert fitted.values["tangential_compliance.eta"] == pytest.approx(0.3, rel=0.02)
@@ -194,9 +180,7 @@ def test_a_spring_along_the_surface_is_that_of_the_simulated_contact(shape, expo
 
 
 def test_a_stiff_spring_along_the_surface_is_a_rigid_contact():
-    rng = np.random.default_rng(4)
-    v = np.column_stack([rng.uniform(-1.5, 1.5, 60), rng.uniform(-3.0, -0.8, 60), rng.uniform(-12.0, 12.0, 60)])
-    state, spring = touching(rng.uniform(0.0, 2.0 * np.pi, 60), v), EFFECTS["tangential_compliance"]
+    state, spring = thrown(4, 60), EFFECTS["tangential_compliance"]
     values = {"mu": 0.3, "epsilon": 0.6, "tau": 1e-3, "tangential_compliance.zeta": 0.2}
     model = Model(BASES["compliant_contact"], (spring,), takes_time=True)
     rigid, stiff = (
@@ -206,11 +190,7 @@ def test_a_stiff_spring_along_the_surface_is_a_rigid_contact():
 
 
 def test_in_short_contacts_a_spring_along_the_surface_is_the_impulse_of_its_effect():
-    rng = np.random.default_rng(5)
-    v = np.column_stack([rng.uniform(-1.5, 1.5, 60), rng.uniform(-3.0, -0.8, 60), rng.uniform(-12.0, 12.0, 60)])
-    state = touching(rng.uniform(0.0, 2.0 * np.pi, 60), v)
-    r_x = RIG.shape.contact_point(state.theta)[:, 0]
-    state = state.select(np.flatnonzero(v[:, 1] + r_x * v[:, 2] < -0.3))
+    state = thrown(5, 60)
     values = SHORT | {"tangential_compliance.eta": 0.5, "tangential_compliance.zeta": 0.2}
     model = Model(BASES["compliant_contact"], (EFFECTS["tangential_compliance"],), takes_time=True)
     after, _ = press(bind(model, values, RIG), state)
@@ -220,11 +200,8 @@ def test_in_short_contacts_a_spring_along_the_surface_is_the_impulse_of_its_effe
 
 @pytest.mark.slow
 def test_simulators_put_the_force_in_the_middle_of_the_overlap():
-    quiet = Noise(position=0.1 * RIG_NOISE.position, angle=0.1 * RIG_NOISE.angle)
     slow = MujocoContact(contact_time=3e-3)
-    given = {"engine": DropsInMujoco(), "contact": slow, "noise": quiet}
-    drops = simulate_compliant_drops(ELLIPSE_BODY, PROOF_RELEASE, 40, rng=np.random.default_rng(1), **given)
-    o = observe(Dataset("middle", drops.header, drops.trajectories))
+    o = observe(recorded(ELLIPSE_BODY, 40, 1, engine=DropsInMujoco(), contact=slow, noise=QUIET))
     fitted = fit(Model(BASES["convex_contact"], takes_time=True), o)
     # at the lowest point instead: μ 0.148, and 3 times the error
     assert fitted.values["mu"] == pytest.approx(slow.mu, rel=0.004)
@@ -270,10 +247,7 @@ def test_friction_of_a_pressure_field_falls_as_the_arctangent_of_the_slip(tolera
 
 @pytest.mark.slow
 def test_drake_s_hydroelastic_contact_is_a_pressure_field():
-    quiet = Noise(position=0.1 * RIG_NOISE.position, angle=0.1 * RIG_NOISE.angle)
-    given = {"engine": DropsInDrake("hydroelastic"), "noise": quiet}
-    drops = simulate_compliant_drops(SQUARE, PROOF_RELEASE, 40, rng=np.random.default_rng(1), **given)
-    o = observe(Dataset("field", drops.header, drops.trajectories))
+    o = observe(recorded(SQUARE, 40, 1, engine=DropsInDrake("hydroelastic"), noise=QUIET))
     errors = {}
     for name in ("hunt_crossley_contact", "pressure_field_contact"):
         fitted = fit(Model(BASES[name], takes_time=True), o)

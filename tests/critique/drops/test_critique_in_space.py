@@ -36,7 +36,7 @@ from thesis_lib.critique.results import findings
 from thesis_lib.critique.results.findings import few_diagnosis
 from thesis_lib.critique.results.load_model import load_model
 from thesis_lib.datasets import dataset_of
-from thesis_lib.datasets.format.frames import surface_frames, tracked_of_body
+from thesis_lib.datasets.format.frames import tracked_of_body
 from thesis_lib.datasets.format.header import SpaceHeader
 from thesis_lib.datasets.format.table_forms import POSE_IN_SPACE, V_POST_IN_SPACE, V_PRE_IN_SPACE
 from thesis_lib.effects import EFFECTS
@@ -62,9 +62,7 @@ def content(**changes):
 
 def tossed(trials=28, seed=5, **hidden):
     """Tosses of a body that is not as believed: `hidden` are keys of `body`."""
-    header = SpaceHeader.model_validate(content(**hidden))
-    (frame,) = surface_frames(header)
-    made = simulate_tosses(header, frame, trials, np.random.default_rng(seed), **TRUTH)
+    made = simulate_tosses(content(**hidden), trials, np.random.default_rng(seed), **TRUTH)
     return dataset_of(content(), trajectories=made.trajectories)
 
 
@@ -211,8 +209,7 @@ def test_what_is_saved_predicts_further_hits(centre_hidden, tmp_path):
     assert "displaced centre of mass" in page and "IRB bound, after the fact" in page
     model = load_model(out / "model.json")
     header = SpaceHeader.model_validate(content(center_of_mass=list(OFF.values())))
-    (frame,) = surface_frames(header)
-    hits = simulate_tosses(header, frame, 10, np.random.default_rng(99), **TRUTH).hits
+    hits = simulate_tosses(header, 10, np.random.default_rng(99), **TRUTH).hits
     sides = []
     for names in (V_PRE_IN_SPACE, V_POST_IN_SPACE):  # of the tracked point, not of the true centre of mass
         states = State.of(

@@ -2,21 +2,14 @@
 
 import numpy as np
 import pytest
+from hidden_effects import recorded
 
 from thesis_lib.critique.drops.criticise import DropsCritique, criticise_drops
 from thesis_lib.critique.drops.settings import CritiqueSettings
 from thesis_lib.critique.likelihood.observations import observe
 from thesis_lib.datasets.format.dataset import Dataset
 from thesis_lib.effects import EFFECTS
-from thesis_lib.simulate.compliant.drops import simulate_compliant_drops
-from thesis_lib.simulate.rig.hidden_causes import (
-    ELLIPSE_BODY,
-    PROOF_RELEASE,
-    RIG_NOISE,
-    SQUARE,
-    CompliantContact,
-    HiddenCauses,
-)
+from thesis_lib.simulate.rig.hidden_causes import ELLIPSE_BODY, SQUARE, CompliantContact, HiddenCauses
 
 BODIES = {"ellipse": ELLIPSE_BODY, "square": SQUARE}
 # all effects are asked; episodes, which make a square dear, and further finalists say nothing of these faults
@@ -25,16 +18,8 @@ SIGMAS = 4.0  # of a fitted parameter; two in 16,000 are further off
 
 
 def drops(shape: str, **hidden: float) -> Dataset:
-    made = simulate_compliant_drops(
-        BODIES[shape],
-        PROOF_RELEASE,
-        80,
-        contact=CompliantContact(),
-        hidden=HiddenCauses.model_validate(hidden),
-        noise=RIG_NOISE,
-        rng=np.random.default_rng(41),
-    )
-    return Dataset("drops", made.header, made.trajectories)
+    causes = HiddenCauses.model_validate(hidden)
+    return recorded(BODIES[shape], 80, 41, contact=CompliantContact(), hidden=causes)
 
 
 def criticised(dataset: Dataset) -> DropsCritique:

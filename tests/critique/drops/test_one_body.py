@@ -3,7 +3,7 @@
 import numpy as np
 import pandas as pd
 import pytest
-from hidden_effects import injected_impacts
+from hidden_effects import injected_impacts, recorded
 
 from thesis_lib.critique.drops.planar.one_body import balance_groups, refuse_what_is_not_one_body, touch_groups
 from thesis_lib.critique.drops.planar.settings import OneBody
@@ -11,16 +11,7 @@ from thesis_lib.critique.likelihood.observations import observe
 from thesis_lib.datasets.format.dataset import Dataset
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.foundation.randomness import generator
-from thesis_lib.simulate.compliant.drops import simulate_compliant_drops
-from thesis_lib.simulate.rig.hidden_causes import (
-    CAUSES,
-    ELLIPSE_BODY,
-    PROOF_RELEASE,
-    RIG_NOISE,
-    SQUARE,
-    CompliantContact,
-    HiddenCauses,
-)
+from thesis_lib.simulate.rig.hidden_causes import CAUSES, ELLIPSE_BODY, SQUARE, CompliantContact, HiddenCauses
 from thesis_lib.studies.proof import next_drops
 
 
@@ -61,15 +52,7 @@ def test_bodies_that_turn_differently_are_two_and_one_misses_its_balance_by_nois
 @pytest.mark.parametrize("cause", ["camera_roll", "camera_slope"])
 def test_a_surface_that_slopes_in_the_picture_makes_no_two_bodies(cause: str):
     """Where nobody asked for the slope, two bodies explained 3 times as much as one."""
-    drops = simulate_compliant_drops(
-        ELLIPSE_BODY,
-        PROOF_RELEASE,
-        120,
-        contact=CompliantContact(contact_time=3e-4),
-        hidden=HiddenCauses.model_validate({cause: CAUSES[cause].size}),
-        noise=RIG_NOISE,
-        rng=np.random.default_rng(7),
-    )
-    o = observe(Dataset("drops", drops.header, drops.trajectories))
+    hidden = HiddenCauses.model_validate({cause: CAUSES[cause].size})
+    o = observe(recorded(ELLIPSE_BODY, 120, 7, contact=CompliantContact(contact_time=3e-4), hidden=hidden))
     for groups in (touch_groups(o), balance_groups(o)):
         assert groups.one < 2.5 and np.mean(groups.margin < OneBody().clear) > 0.5

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from hidden_effects import recorded
 
 from thesis_lib.critique.contacts.bases import BASES, RESERVE
 from thesis_lib.critique.contacts.model import Model
@@ -11,12 +12,10 @@ from thesis_lib.critique.drops.world import Drops
 from thesis_lib.critique.likelihood.fit import fit, fit_each
 from thesis_lib.critique.likelihood.observations import observe
 from thesis_lib.critique.likelihood.whitening import Whitening, together
-from thesis_lib.datasets.format.dataset import Dataset
 from thesis_lib.effects import EFFECTS, effects_in
 from thesis_lib.foundation.forked import sharing
 from thesis_lib.mechanics.space import PLANE
-from thesis_lib.simulate.compliant.drops import simulate_compliant_drops
-from thesis_lib.simulate.rig.hidden_causes import ELLIPSE_BODY, PROOF_RELEASE, RIG_NOISE, SQUARE, CompliantContact
+from thesis_lib.simulate.rig.hidden_causes import ELLIPSE_BODY, SQUARE, CompliantContact
 
 CLOSE = 1e-4  # standard deviations; an instant of touch is found to a nanometre, on a bent plate to ten
 EFFORTS = ("quick", "near", "full")
@@ -25,9 +24,7 @@ EFFORTS = ("quick", "near", "full")
 @pytest.fixture(scope="module", params=["ellipse", "square"])
 def observations(request):
     body = {"ellipse": ELLIPSE_BODY, "square": SQUARE}[request.param]
-    contact, rng = CompliantContact(contact_time=1e-3), np.random.default_rng(0)
-    drops = simulate_compliant_drops(body, PROOF_RELEASE, 12, contact=contact, noise=RIG_NOISE, rng=rng)
-    return observe(Dataset("drops", drops.header, drops.trajectories))
+    return observe(recorded(body, 12, 0, contact=CompliantContact(contact_time=1e-3)))
 
 
 def points_of(model: Model) -> list[dict[str, float]]:

@@ -2,14 +2,14 @@
 
 import numpy as np
 import pytest
+from hidden_effects import recorded
 
 from thesis_lib.critique.drops.criticise import criticise_drops
 from thesis_lib.critique.drops.settings import CritiqueSettings
 from thesis_lib.critique.engines.compare import WITHOUT, compare_models
-from thesis_lib.datasets.format.dataset import Dataset
 from thesis_lib.engines.bullet_engine import PACKAGE
-from thesis_lib.simulate.compliant.drops import Falls, OwnContact, simulate_compliant_drops
-from thesis_lib.simulate.rig.hidden_causes import PROOF_RELEASE, RIG_NOISE, SQUARE, CompliantContact
+from thesis_lib.simulate.compliant.drops import Falls, OwnContact
+from thesis_lib.simulate.rig.hidden_causes import SQUARE, CompliantContact
 
 pytest.importorskip("pybullet", reason=f"Bullet is optional: pip install {PACKAGE}")
 
@@ -69,12 +69,8 @@ class Fall:
 
 @pytest.mark.slow
 def test_bullet_is_recognised_as_the_model_of_its_own_drops():
-    rng = np.random.default_rng(3)
     contact = CompliantContact(mu=MU, epsilon=EPSILON, contact_time=T)
-    made = simulate_compliant_drops(
-        SQUARE, PROOF_RELEASE, 40, contact=contact, noise=RIG_NOISE, rng=rng, engine=Fall(), duration=0.5
-    )
-    dataset = Dataset("squares", made.header, made.trajectories)
+    dataset = recorded(SQUARE, 40, 3, "squares", contact=contact, engine=Fall(), duration=0.5)
     settings = CritiqueSettings(folds=2, finalists=2, max_effects=1)
     judged = criticise_drops(dataset, rng=np.random.default_rng(0), effects=[], settings=settings)
     table = compare_models(judged, ("mujoco", "bullet")).set_index("model")

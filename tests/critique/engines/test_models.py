@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
+from hidden_effects import recorded
 
 from thesis_lib.bodies.body import Body
 from thesis_lib.commands.critique import critique as command
@@ -33,7 +34,6 @@ from thesis_lib.critique.engines.compare import COLUMNS, WITH, WITHOUT, compare_
 from thesis_lib.critique.engines.fit import fit_engine
 from thesis_lib.critique.likelihood.fit import fit
 from thesis_lib.critique.likelihood.observations import observe
-from thesis_lib.datasets.format.dataset import Dataset
 from thesis_lib.effects import EFFECTS
 from thesis_lib.effects.effect import Rig
 from thesis_lib.engines.bullet_engine import PACKAGE
@@ -45,19 +45,11 @@ from thesis_lib.foundation.columns import explain
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.mechanics.state import State
 from thesis_lib.report.critique.tables import models as page_of_models
-from thesis_lib.simulate.compliant.drops import simulate_compliant_drops
 from thesis_lib.simulate.drake.drops import DropsInDrake
 from thesis_lib.simulate.mujoco.causes import MujocoCauses
 from thesis_lib.simulate.mujoco.contact import MujocoContact
 from thesis_lib.simulate.mujoco.drops import DropsInMujoco
-from thesis_lib.simulate.rig.hidden_causes import (
-    ELLIPSE_BODY,
-    PROOF_RELEASE,
-    RIG_NOISE,
-    SQUARE,
-    CompliantContact,
-    HiddenCauses,
-)
+from thesis_lib.simulate.rig.hidden_causes import ELLIPSE_BODY, SQUARE, CompliantContact, HiddenCauses
 
 RIG = Rig(ELLIPSE_BODY.shape, ELLIPSE_BODY.radius_of_gyration, 9.81, 0.0)
 T = 1e-3  # s
@@ -189,11 +181,8 @@ def test_the_command_refuses_models_of_many_datasets(tmp_path, capsys):
 @pytest.fixture(scope="module")
 def found():
     """Squares of MuJoCo whose centre of mass is displaced, criticised and compared."""
-    contact, rng = MujocoContact(mu=0.2, epsilon=0.6, contact_time=T), np.random.default_rng(3)
-    hidden = MujocoCauses(com_offset_x=OFFSET)
-    given = {"engine": DropsInMujoco(), "contact": contact, "hidden": hidden}
-    made = simulate_compliant_drops(SQUARE, PROOF_RELEASE, 48, noise=RIG_NOISE, rng=rng, **given)
-    dataset = Dataset("squares", made.header, made.trajectories)
+    contact, hidden = MujocoContact(mu=0.2, epsilon=0.6, contact_time=T), MujocoCauses(com_offset_x=OFFSET)
+    dataset = recorded(SQUARE, 48, 3, "squares", engine=DropsInMujoco(), contact=contact, hidden=hidden)
     settings = CritiqueSettings(episodes=False, folds=2, finalists=2, max_effects=1)
     judged = criticise_drops(dataset, rng=np.random.default_rng(0), settings=settings)
     said: list[str] = []
@@ -223,11 +212,9 @@ def test_an_engine_is_recognised_as_the_model_of_its_own_drops(found):
 @pytest.mark.slow
 def test_hydroelastic_bodies_are_an_engine_that_gives_back_what_made_its_drops():
     contact = CompliantContact(mu=VALUES["mu"], epsilon=VALUES["epsilon"], contact_time=T)
-    rng = np.random.default_rng(5)
-    given = {"engine": DropsInDrake("hydroelastic"), "contact": contact}
     # the mesh of an ellipse takes far longer than that of a square
-    made = simulate_compliant_drops(SQUARE, PROOF_RELEASE, 10, noise=RIG_NOISE, rng=rng, **given)
-    observations = observe(Dataset("drops", made.header, made.trajectories), episodes=False)
+    made = recorded(SQUARE, 10, 5, engine=DropsInDrake("hydroelastic"), contact=contact)
+    observations = observe(made, episodes=False)
     near = fit(Model(BASES[STAND_INS["drake_hydroelastic"][0]], takes_time=True), observations)
     found = fit_engine("drake_hydroelastic", near, observations)
     assert found.values["mu"] == pytest.approx(VALUES["mu"], abs=4.0 * found.std["mu"])

@@ -8,13 +8,11 @@ from collections.abc import Iterable, Sequence
 import mujoco
 import numpy as np
 
+from tests.critique.simulation import saved_models
 from thesis_lib.bodies.body import Body
 from thesis_lib.bodies.shapes import Ellipse, Polygon
 from thesis_lib.critique.contacts.bases import BASES
-from thesis_lib.critique.contacts.model import Model
 from thesis_lib.critique.export.export import Exported
-from thesis_lib.critique.results.saved_model import SavedModel
-from thesis_lib.effects import EFFECTS
 from thesis_lib.engines.drake_engine import DrakeEngine
 from thesis_lib.engines.engine import impacts
 from thesis_lib.engines.mujoco_engine import STEPS, MujocoEngine
@@ -87,13 +85,7 @@ def model_of(name, body, numbers, tilt=0.0, height=0.0, extra=None, ratio=10.0, 
     values = {"mu": mu, "epsilon": epsilon, "tau": T * float((law.force.centroid(loss) / law.force.duration(loss))[0])}
     values |= {"com_offset.c_x": numbers.get("c_x", 0.0), "com_offset.c_y": numbers.get("c_y", 0.0)}
     values |= {"surface_tilt.phi": tilt, "damping_ratio": ratio, "impedance": impedance, **(extra or {})}
-    names = tuple(dict.fromkeys(key.split(".")[0] for key in values if "." in key))
-    model = Model(law, tuple(EFFECTS[key] for key in names), takes_time=True)
-    parameters = {key: {"value": values[key], "unit": p.unit} for key, p in model.parameters.items()}
-    rig = {"shape": body.shape.model_dump(), "radius_of_gyration": body.radius_of_gyration}
-    rig |= {"gravity": 9.81, "height": height}
-    content = {"schema": 1, "dataset": "own drops", "law": law.name, "effects": names, "parameters": parameters}
-    return SavedModel.model_validate(content | {"rig": rig})
+    return saved_models.model_of(height, body, law.name, **values)
 
 
 # --- the file in its engine: a free body in space ---

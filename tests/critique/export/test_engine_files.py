@@ -92,24 +92,21 @@ def ended(file, starts, link, fine=True):
     return by_mujoco(text, zip(*starts), SPAN, link)
 
 
-@pytest.mark.parametrize("target", FORMATS)
-@pytest.mark.parametrize("name", ALL)
-def test_a_file_does_what_the_engine_does(name, target, tmp_path):
-    apart = off(name, target, tmp_path)
-    assert np.median(apart) < CLOSE[target][0] and apart.max() < CLOSE[target][1], apart
-
-
-@pytest.mark.parametrize("target", FORMATS)
-@pytest.mark.parametrize("name", BODIES)
-def test_so_does_a_patched_file(name, target, tmp_path):
-    apart = off(name, target, tmp_path, patch=True)
-    assert np.median(apart) < CLOSE[target][0] and apart.max() < CLOSE[target][1], apart
-
-
-def test_a_file_has_the_impedance_that_was_fitted(tmp_path):
+ROUND = {"hidden": {"corner_radius": 0.004}, "extra": {"rounded_corners.rho": 0.004}}
+FILES = [
+    *((name, target, {}) for name in ALL for target in FORMATS),
+    *((name, target, {"patch": True}) for name in BODIES for target in FORMATS),
     # one of a box's edges touches in two points, which share what the planar corner asks for
-    apart = off("square", "mjcf", tmp_path, impedance=0.9)
-    assert np.median(apart) < CLOSE["mjcf"][0], apart
+    ("square", "mjcf", {"impedance": 0.9}),
+    *(("square", target, ROUND) for target in ("mjcf", "sdf")),
+    *(("triangle", "mjcf", {"depth": depth}) for depth in (0.002, 0.2)),
+]
+
+
+@pytest.mark.parametrize(("name", "target", "options"), FILES)
+def test_a_file_does_what_the_engine_does(name, target, options, tmp_path):
+    apart = off(name, target, tmp_path, **options)
+    assert np.median(apart) < CLOSE[target][0] and apart.max() < CLOSE[target][1], apart
 
 
 @pytest.mark.parametrize("target", ["mjcf", "sdf"])
@@ -123,20 +120,8 @@ def test_also_with_tilt_size_inertia_and_height(target, tmp_path):
     assert np.median(without) > 5 * CLOSE[target][0]
 
 
-@pytest.mark.parametrize("target", ["mjcf", "sdf"])
-def test_round_corners_are_round(target, tmp_path):
-    apart = off("square", target, tmp_path, hidden={"corner_radius": 0.004}, extra={"rounded_corners.rho": 0.004})
-    assert np.median(apart) < CLOSE[target][0] and apart.max() < CLOSE[target][1], apart
-
-
 def test_the_steps_that_are_written_suffice(tmp_path):
     assert np.median(off("triangle", "mjcf", tmp_path, fine=False)) < AS_WRITTEN
-
-
-def test_the_depth_changes_nothing_in_the_plane(tmp_path):
-    for depth in (0.002, 0.2):
-        apart = off("triangle", "mjcf", tmp_path, depth=depth)
-        assert np.median(apart) < CLOSE["mjcf"][0]
 
 
 @pytest.mark.parametrize("name", ALL)

@@ -9,8 +9,6 @@ from thesis_lib.critique import criticise
 from thesis_lib.critique.likelihood.in_space.hits import beside, observe_in_space
 from thesis_lib.critique.results.load_model import load_model
 from thesis_lib.datasets import dataset_of
-from thesis_lib.datasets.format.frames import surface_frames
-from thesis_lib.datasets.format.header import SpaceHeader
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.simulate.tosses.example import simulate_tosses as example
 
@@ -23,9 +21,7 @@ def content(**changes) -> dict:
 
 
 def tossed(trials: int, seed: int = 1, **changes):
-    header = SpaceHeader.model_validate(content())
-    (frame,) = surface_frames(header)
-    made = simulate_tosses(header, frame, trials, np.random.default_rng(seed), **TRUTH)
+    made = simulate_tosses(content(), trials, np.random.default_rng(seed), **TRUTH)
     return dataset_of(content(**changes), trajectories=made.trajectories.drop(columns=["qw", "qx", "qy", "qz"]))
 
 

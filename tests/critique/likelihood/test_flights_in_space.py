@@ -15,8 +15,6 @@ from thesis_lib.critique.contacts.model import Model
 from thesis_lib.critique.likelihood.beside import whitened
 from thesis_lib.critique.likelihood.in_space.hits import observe_in_space
 from thesis_lib.datasets import dataset_of
-from thesis_lib.datasets.format.frames import surface_frames
-from thesis_lib.datasets.format.header import SpaceHeader
 from thesis_lib.datasets.format.table_forms import POSITION
 from thesis_lib.effects import EFFECTS
 from thesis_lib.mechanics.space import SPACE, of_rotation_vector
@@ -33,9 +31,8 @@ NEAR = 0.12  # of a spread from a thousand values: four standard errors
 
 def tossed(seed=1, noise=(2e-4, 3e-3), body=None, **hidden):
     """Tosses of a body, seen by a camera, that are as `hidden` and not as believed."""
-    header = SpaceHeader.model_validate(CONTENT | {"body": BODY | (body or {})} | hidden)
-    (frame,) = surface_frames(header)
-    made = simulate_tosses(header, frame, TRIALS, np.random.default_rng(seed), noise=noise)
+    header = CONTENT | {"body": BODY | (body or {})} | hidden
+    made = simulate_tosses(header, TRIALS, np.random.default_rng(seed), noise=noise)
     return dataset_of(CONTENT, trajectories=made.trajectories)
 
 

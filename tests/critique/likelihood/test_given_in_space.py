@@ -8,6 +8,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 from tosses import simulate_tosses
 
+from tests.critique.simulation.saved_models import space_model
 from tests.datasets.folders_in_space import write_mesh
 from thesis_lib.__main__ import main
 from thesis_lib.contact import LAWS
@@ -46,8 +47,7 @@ def content(**changes) -> dict:
 def hits(head: dict, trials: int, seed: int = 0) -> pd.DataFrame:
     """Hits of tosses as impacts.csv has them: of the tracked frame, in axes of the recording, without noise."""
     header = SpaceHeader.model_validate(head)
-    (frame,) = surface_frames(header)
-    made = simulate_tosses(header, frame, trials, np.random.default_rng(seed), **TRUTH).hits
+    made = simulate_tosses(header, trials, np.random.default_rng(seed), **TRUTH).hits
     table = {"trial": made["trial"], "impact": made.groupby("trial").cumcount(), "t": made["t"]}
     for names in (V_PRE_IN_SPACE, V_POST_IN_SPACE):
         motion, pose = made[list(names)].to_numpy(), made[list(POSE_IN_SPACE)].to_numpy()
@@ -171,19 +171,16 @@ def test_impacts_alone_are_criticised(tmp_path):
     assert (tmp_path / "out" / "report.html").exists()
 
 
-def model_with(effect: str = "", epsilon: float = 0.5, **parameters: float) -> SavedSpaceModel:
+def model_with(**values: float) -> SavedSpaceModel:
     """Newton's restitution with friction, and one effect."""
     rig = {name: value for name, value in content().items() if name != "noise"}
-    values = {"mu": 0.25, "epsilon": epsilon} | {f"{effect}.{name}": value for name, value in parameters.items()}
-    named = {name: {"value": value, "unit": "1"} for name, value in values.items()}
-    law = {"law": "anitescu_potra_newton", "effects": [effect] * bool(effect), "parameters": named}
-    return SavedSpaceModel.model_validate({"schema": 1, "dimensions": 3, "rig": rig} | law)
+    return space_model("anitescu_potra_newton", rig=rig, **values)
 
 
 def test_a_model_of_later_hits_predicts_them_by_their_tosses():
     table = hits(content(), 6)
     given = table.drop(columns=list(V_POST_IN_SPACE))
-    found = model_with("later_restitution", d=-0.4).predict(given)
+    found = model_with(**{"later_restitution.d": -0.4}).predict(given)
     first = table["impact"] == 0
     for rows, epsilon in (
         (first, 0.5),
@@ -193,9 +190,9 @@ def test_a_model_of_later_hits_predicts_them_by_their_tosses():
         assert len(expected) > 3
         pd.testing.assert_frame_equal(found[rows], expected)
     with pytest.raises(UserError, match="add the column t to the states, and to each trial its first hit"):
-        model_with("later_friction", d=0.3).predict(given.drop(columns="t"))
+        model_with(**{"later_friction.d": 0.3}).predict(given.drop(columns="t"))
     with pytest.raises(UserError, match="rotation_scale, which depends on all frames of a toss before the hit"):
-        model_with("rotation_scale", s_R=0.02).predict(given)
+        model_with(**{"rotation_scale.s_R": 0.02}).predict(given)
 
 
 def test_the_command_predicts_as_json_in_space(tmp_path, capsys):

@@ -18,7 +18,6 @@ from thesis_lib.datasets.checks.jumps import out_and_back
 from thesis_lib.datasets.flights.beside_hits import fit_windows
 from thesis_lib.datasets.flights.rounding import contact_guard
 from thesis_lib.datasets.format.frames import surface_frames
-from thesis_lib.datasets.format.header import SpaceHeader
 from thesis_lib.datasets.format.samples import ArcSettings
 from thesis_lib.datasets.format.table_forms import POSE_IN_SPACE, QUATERNION, V_POST_IN_SPACE, V_PRE_IN_SPACE
 from thesis_lib.foundation.errors import UserError
@@ -42,15 +41,13 @@ SEEN = {  # tracked frame and camera's axes
 def tosses_of(body, **seen):
     """The dataset of 40 tosses, and what was simulated."""
     content = {"schema": 2, "body": body, "rate": 240.0, "noise": {"position": 2e-4, "rotation": 3e-3}} | seen
-    header = SpaceHeader.model_validate(content)
-    (frame,) = surface_frames(header)
-    made = simulate_tosses(header, frame, 40, np.random.default_rng(3))
-    return dataset_of(content, trajectories=made.trajectories), made, frame
+    made = simulate_tosses(content, 40, np.random.default_rng(3))
+    return dataset_of(content, trajectories=made.trajectories), made
 
 
 @pytest.fixture(scope="module", params=SEEN.values(), ids=SEEN)
 def tossed(request):
-    dataset, made, frame = tosses_of(BODY, **request.param)
+    dataset, made = tosses_of(BODY, **request.param)
     found = observe_in_space(dataset, episodes=False)
     true = made.hits
     rows, alone = [], []
@@ -59,6 +56,7 @@ def tossed(request):
         rows.append((true["t"] - t).abs().where(true["trial"] == trial).idxmin())
         alone.append(len(apart) < 2 or apart[1] > ALONE)
     matched = true.loc[rows]
+    (frame,) = surface_frames(dataset.in_space)
     states = [
         frame.seen(
             State.of(

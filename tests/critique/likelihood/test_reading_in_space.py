@@ -12,8 +12,6 @@ from thesis_lib.critique.contacts.kinds import bind
 from thesis_lib.critique.drops.world import Drops
 from thesis_lib.critique.likelihood.in_space.hits import observe_in_space
 from thesis_lib.datasets import dataset_of
-from thesis_lib.datasets.format.frames import surface_frames
-from thesis_lib.datasets.format.header import SpaceHeader
 from thesis_lib.datasets.format.table_forms import QUATERNION
 from thesis_lib.effects import EFFECTS
 
@@ -36,8 +34,7 @@ WRITTEN = {  # what stands in the columns of w, x, y, z
 
 @pytest.fixture(scope="module")
 def tossed():
-    header = SpaceHeader.model_validate(CONTENT)
-    made = simulate_tosses(header, surface_frames(header)[0], 15, np.random.default_rng(3), **TRUTH)
+    made = simulate_tosses(CONTENT, 15, np.random.default_rng(3), **TRUTH)
     return dataset_of(CONTENT, trajectories=made.trajectories)
 
 

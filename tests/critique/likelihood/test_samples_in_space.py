@@ -7,8 +7,6 @@ from tosses import simulate_tosses
 
 from thesis_lib.critique.likelihood.in_space.hits import beside, observe_in_space
 from thesis_lib.datasets import dataset_of
-from thesis_lib.datasets.format.frames import surface_frames
-from thesis_lib.datasets.format.header import SpaceHeader
 
 BOX = {"shape": {"kind": "box", "half_extents": [0.05, 0.04, 0.03]}, "homogeneous": True, "mass": 0.25}
 HEAD = {"schema": 2, "body": BOX, "rate": 240.0, "noise": {"position": 2e-4, "rotation": 3e-3}}
@@ -16,9 +14,7 @@ HEAD = {"schema": 2, "body": BOX, "rate": 240.0, "noise": {"position": 2e-4, "ro
 
 @pytest.fixture(scope="module")
 def tossed() -> pd.DataFrame:
-    header = SpaceHeader.model_validate(HEAD)
-    (frame,) = surface_frames(header)
-    return simulate_tosses(header, frame, 12, np.random.default_rng(4)).trajectories
+    return simulate_tosses(HEAD, 12, np.random.default_rng(4)).trajectories
 
 
 def observed(table: pd.DataFrame):

@@ -6,10 +6,10 @@ from types import SimpleNamespace
 import numpy as np
 import pandas as pd
 import pytest
+from hidden_effects import recorded
 
 from thesis_lib.datasets.format.dataset import Dataset
-from thesis_lib.simulate.compliant.drops import simulate_compliant_drops
-from thesis_lib.simulate.rig.hidden_causes import PROOF_RELEASE, RIG_NOISE, SQUARE, HiddenCauses
+from thesis_lib.simulate.rig.hidden_causes import SQUARE, HiddenCauses
 from thesis_lib.studies.proof import direct_fits
 from thesis_lib.studies.proof.__main__ import main
 from thesis_lib.studies.proof.direct_fits import COLUMNS, ROWS, SERIES, Series, rows, tables
@@ -21,9 +21,7 @@ OFFSET = 0.05
 @pytest.fixture(scope="module")
 def square() -> Dataset:
     """60 drops of a square, the angle of which the camera misreads."""
-    hidden, rng = HiddenCauses(angle_offset=OFFSET), np.random.default_rng(0)
-    made = simulate_compliant_drops(SQUARE, PROOF_RELEASE, 60, hidden=hidden, noise=RIG_NOISE, rng=rng)
-    return Dataset("square", made.header, made.trajectories)
+    return recorded(SQUARE, 60, 0, "square", hidden=HiddenCauses(angle_offset=OFFSET))
 
 
 @pytest.mark.slow

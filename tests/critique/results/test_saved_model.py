@@ -6,10 +6,10 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 import pytest
+from plain_drops import LAW, TRUTH
 
-from thesis_lib.bodies.shapes import Ellipse
+from tests.critique.simulation.saved_models import model_of
 from thesis_lib.bodies.walls import Wall
-from thesis_lib.contact import LAWS
 from thesis_lib.critique.contacts.bases import BASES
 from thesis_lib.critique.contacts.contact_time import duration
 from thesis_lib.critique.contacts.kinds import bind, kind_of
@@ -45,26 +45,8 @@ def states() -> pd.DataFrame:
     )
 
 
-def parameters(**values: float) -> dict:
-    named = {"mu": 0.2, "epsilon": 0.6, **{k.replace("__", "."): v for k, v in values.items()}}
-    return {name: {"value": value, "unit": "1"} for name, value in named.items()}
-
-
-def model_with(*effects: str, **values: float) -> SavedModel:
-    return SavedModel.model_validate(
-        {
-            "schema": 1,
-            "law": "anitescu_potra_newton",
-            "effects": effects,
-            "parameters": parameters(**values),
-            "rig": {
-                "shape": {"kind": "ellipse", "semi_axes": [0.035, 0.025]},
-                "radius_of_gyration": 0.0192,
-                "gravity": 9.81,
-                "height": 0.0,
-            },
-        }
-    )
+def model_with(**values: float) -> SavedModel:
+    return model_of(law=LAW.name, **{**TRUTH, **values})
 
 
 def test_a_critiques_model_comes_back_from_its_file(hidden_impacts, states, tmp_path):
@@ -141,18 +123,18 @@ def test_a_contact_of_a_millisecond_is_predicted_from_touch_to_its_end(body, law
 
 def test_without_effects_it_is_the_law(states):
     found = model_with().predict(states)
-    r = Ellipse(semi_axes=(0.035, 0.025)).contact_point(states["theta"].to_numpy())
+    r = ELLIPSE_BODY.shape.contact_point(states["theta"].to_numpy())
     v_pre = states[["vx", "vy", "omega"]].to_numpy()
-    out = LAWS["anitescu_potra_newton"](v_pre, r, mass=1.0, k_g=0.0192, mu=0.2, epsilon=0.6)
+    out = LAW(v_pre, r, mass=1.0, k_g=ELLIPSE_BODY.radius_of_gyration, **TRUTH)
     assert found[["vx_post", "vy_post", "omega_post"]].to_numpy() == pytest.approx(out.v_post, abs=EXACT)
     assert list(found.columns[:6]) == list(STATE)
 
 
 CAMERA_AND_BODY = {
-    "length_scale": {"length_scale__s_L": 0.013},
-    "marker_offset": {"marker_offset__d_x": 0.0013, "marker_offset__d_y": -0.0007},
-    "com_offset": {"com_offset__c_x": 0.0011, "com_offset__c_y": 0.0007},
-    "moving_surface": {"moving_surface__V": 0.5},
+    "length_scale": {"length_scale.s_L": 0.013},
+    "marker_offset": {"marker_offset.d_x": 0.0013, "marker_offset.d_y": -0.0007},
+    "com_offset": {"com_offset.c_x": 0.0011, "com_offset.c_y": 0.0007},
+    "moving_surface": {"moving_surface.V": 0.5},
 }
 FLOOR = Wall(name="floor", point=(0.0, 0.0), normal=(0.0, 1.0))
 
@@ -163,7 +145,7 @@ def test_a_body_that_leaves_keeps_its_velocity_and_is_told(states, effect, tau):
     """By the contact's own v_n, whatever camera the velocities pass, at a floor and at a wall."""
     states.loc[::2, "vy"] *= -1.0
     leaves = np.arange(len(states)) % 2 == 0
-    model = model_with(effect, **CAMERA_AND_BODY[effect], **({} if tau is None else {"tau": tau}))
+    model = model_with(**CAMERA_AND_BODY[effect], **({} if tau is None else {"tau": tau}))
     between = model.model_copy(update={"rig": model.rig.model_copy(update={"gravity": 0.0, "walls": (FLOOR,)})})
     for one in (model, between):
         found = one.predict(states)
@@ -173,7 +155,7 @@ def test_a_body_that_leaves_keeps_its_velocity_and_is_told(states, effect, tau):
 
 
 def test_an_effect_that_needs_the_trial_asks_for_it(states):
-    worn = model_with("wear", wear__w=-0.01)
+    worn = model_with(**{"wear.w": -0.01})
     with pytest.raises(UserError, match="depends on trial"):
         worn.predict(states)
     states["trial"] = 10
@@ -198,6 +180,10 @@ def test_no_rows_give_no_rows(states):
     assert len(model_with().predict(states.iloc[:0])) == 0
 
 
+def numbers(**values: float) -> dict:
+    return {name: {"value": value, "unit": "1"} for name, value in (TRUTH | values).items()}
+
+
 @pytest.mark.parametrize(
     ("change", "says"),
     [
@@ -205,8 +191,8 @@ def test_no_rows_give_no_rows(states):
         ({"effects": ["gravity_waves"]}, "no effect 'gravity_waves'"),
         ({"effects": ["moving_surface"]}, "moving_surface.V"),
         ({"effects": ["other_friction_at_west"]}, "no wall 'west' .* there are no walls"),
-        ({"parameters": parameters(tau=-1e-4)}, "tau must be between 0 and"),
-        ({"parameters": parameters(tau=1.0)}, "tau must be between 0 and"),
+        ({"parameters": numbers(tau=-1e-4)}, "tau must be between 0 and"),
+        ({"parameters": numbers(tau=1.0)}, "tau must be between 0 and"),
         ({"schema": 2}, "schema"),
         ({"colour": "red"}, "colour"),
         ({"rig": {"shape": {"kind": "disk", "radius": -1.0}}}, "radius"),
@@ -224,17 +210,17 @@ def test_every_effect_can_be_saved_and_predicts(states, tmp_path):
     states["trial"], states["t"] = 1, 0.1
     for name, effect in effects_in(PLANE).items():
         values = {
-            f"{name}__{p.name}": p.discrete if p.discrete is not None else min(p.null + p.scale, p.high)
+            f"{name}.{p.name}": p.discrete if p.discrete is not None else min(p.null + p.scale, p.high)
             for p in effect.parameters
         }
         path = tmp_path / f"{name}.json"
-        model_with(name, **values).save(path)
+        model_with(**values).save(path)
         found = load_model(path).predict(states)
         assert np.isfinite(found[["vx_post", "vy_post", "omega_post"]].to_numpy()).all(), name
 
 
 def test_a_model_knows_where_its_effects_count_from(states, tmp_path):
-    worn = model_with("wear", wear__w=-0.01)
+    worn = model_with(**{"wear.w": -0.01})
     there = SavedReference(x=3.0, trial=20260106.0)
     far = worn.model_copy(update={"rig": worn.rig.model_copy(update={"reference": there})})
     far.save(tmp_path / "far.json")

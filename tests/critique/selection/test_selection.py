@@ -1,6 +1,7 @@
 """The search on a world made for this test: a line through noisy points, and four curves that it may lack."""
 
 from dataclasses import dataclass, replace
+from typing import Self, TypeVar
 
 import numpy as np
 import pytest
@@ -65,9 +66,9 @@ class Line(World[Curve, Fitted, Scores]):
         self.trials = np.unique(trial)
         self.candidates = {name: Curve(name) for name in SHAPES}
 
-    def part(self, trials: np.ndarray) -> "Line":
+    def part(self, trials: np.ndarray) -> Self:
         rows = np.isin(self.trial, trials)
-        return Line(self.trial[rows], self.x[rows], self.y[rows])
+        return type(self)(self.trial[rows], self.x[rows], self.y[rows])
 
     def columns(self, effects, base: str = "line") -> np.ndarray:
         of_base = [np.ones_like(self.x), self.x] + [np.exp(3.0 * self.x)] * (base == "bend")
@@ -109,12 +110,21 @@ class Line(World[Curve, Fitted, Scores]):
         return settings.matters(before, after, 0.0)
 
 
-def line(seed: int, **hidden: float) -> Line:
+L = TypeVar("L", bound=Line)
+
+
+def line(seed: int, kind: type[L] = Line, bend: float = 0.0, **hidden: float) -> L:
     rng = np.random.default_rng(seed)
     trial = np.repeat(np.arange(TRIALS), POINTS)
     x = rng.uniform(-1.0, 1.0, len(trial))
-    y = 0.3 + 2.0 * x + rng.standard_normal(len(trial))
-    return Line(trial, x, y + sum((size * SHAPES[name](x) for name, size in hidden.items()), np.zeros_like(x)))
+    y = 0.3 + 2.0 * x + rng.standard_normal(len(trial)) + bend * np.exp(3.0 * x)
+    return kind(trial, x, y + sum((size * SHAPES[name](x) for name, size in hidden.items()), np.zeros_like(x)))
+
+
+def halves(world: L) -> tuple[L, L]:
+    """Training and held-out trials."""
+    training, unseen = split(world.trials, 0.3, np.random.default_rng(0))
+    return world.part(training), world.part(unseen)
 
 
 def found(world: Line, settings: SearchSettings | None = None, **options):
@@ -148,10 +158,6 @@ class Turned(Line):
 
     bases, rivals = ("line", "turned"), 2
 
-    def part(self, trials: np.ndarray) -> "Turned":
-        rows = np.isin(self.trial, trials)
-        return Turned(self.trial[rows], self.x[rows], self.y[rows])
-
     def columns(self, effects, base: str = "line") -> np.ndarray:
         seen = np.array([1.0, 1.0, *(float(base == "turned" or e.name != "wave") for e in effects)])
         return super().columns(effects, base) * seen
@@ -162,8 +168,7 @@ class Turned(Line):
 
 def test_an_effect_that_turns_bases_is_tried_with_each(monkeypatch):
     monkeypatch.delitem(SHAPES, "twin_of_wave")
-    world = line(0, wave=3.0 * SIZE)
-    discovery = found(Turned(world.trial, world.x, world.y), SearchSettings(rivalled=1))
+    discovery = found(line(0, Turned, wave=3.0 * SIZE), SearchSettings(rivalled=1))
     assert [step.effect.name for step in discovery.steps] == ["wave"] and discovery.fitted.base == "turned"
 
 
@@ -179,14 +184,9 @@ class WithReserve(Line):
         return [self.fit("bend", fitted.effects)]
 
 
-def with_reserve(seed: int, bend: float, **hidden: float) -> WithReserve:
-    world = line(seed, **hidden)
-    return WithReserve(world.trial, world.x, world.y + bend * np.exp(3.0 * world.x))
-
-
 def test_a_base_of_the_reserve_is_taken_where_it_beats_the_next_effect(monkeypatch):
     monkeypatch.setitem(SHAPES, "fast", lambda x: np.sin(40.0 * x))  # not worth a fit
-    discovery = found(with_reserve(0, bend=3.0, wave=SIZE))
+    discovery = found(line(0, WithReserve, bend=3.0, wave=SIZE))
     assert discovery.base == "bend" and discovery.fitted.base == "bend"
     # the few candidates that are worth a fit are told from those that are not
     (step,) = discovery.steps
@@ -203,8 +203,8 @@ def test_a_base_of_the_reserve_that_leaves_no_error_is_taken_before_any_effect_i
             return judged.z @ judged.z > 1.3 * len(judged.z)
 
     for bend, first in ((3.0, "another base, bend"), (0.0, "step 1: trying 4 effects")):
-        world, said = with_reserve(0, bend=bend), []
-        discovery = found(Asking(world.trial, world.x, world.y), say=said.append)
+        said = []
+        discovery = found(line(0, Asking, bend), say=said.append)
         assert said[0] == first and discovery.steps == ()
 
 
@@ -215,10 +215,6 @@ class Together(WithReserve):
 
     def leaves_an_error(self, judged):
         return judged.z @ judged.z > 1.3 * len(judged.z)
-
-    def part(self, trials):
-        rows = np.isin(self.trial, trials)
-        return type(self)(self.trial[rows], self.x[rows], self.y[rows])
 
     def columns(self, effects, base="line"):
         plain = super().columns(effects, "line" if base == "line" else "bend")
@@ -251,8 +247,7 @@ class OnLine(Together):
 def test_a_base_of_the_reserve_and_an_effect_that_only_help_together_are_found(monkeypatch, kind, bend, size, expected):
     monkeypatch.delitem(SHAPES, "twin_of_wave")
     monkeypatch.setitem(SHAPES, "wave", lambda x: np.sin(40.0 * x))  # a bend looks like none of it
-    world = with_reserve(0, bend, wave=size)
-    discovery = found(kind(world.trial, world.x, world.y))
+    discovery = found(line(0, kind, bend, wave=size))
     assert ([step.effect.name for step in discovery.steps], discovery.fitted.base) == expected
 
 
@@ -261,11 +256,9 @@ def test_an_effect_that_stood_in_for_a_base_leaves_when_the_base_is_taken():
         def reserve_fits(self, fitted, refine=False):
             return super().reserve_fits(fitted) if fitted.effects and not refine else []
 
-    world = with_reserve(0, bend=3.0)
-    discovery = found(Late(world.trial, world.x, world.y))
-    assert discovery.base == discovery.fitted.base == "bend" and discovery.steps == ()
     said = []
-    found(Late(world.trial, world.x, world.y), say=said.append)
+    discovery = found(line(0, Late, bend=3.0), say=said.append)
+    assert discovery.base == discovery.fitted.base == "bend" and discovery.steps == ()
     assert any(line.startswith("step 1: square") for line in said) and "not needed any more: square" in said
 
 
@@ -278,10 +271,8 @@ def test_an_effect_found_on_a_simpler_base_is_fitted_once_more_on_the_reserve():
             return super().reserve_fits(fitted) if refine else []
 
     # a bend that is too small to be looked for, and bends the effect
-    world = with_reserve(0, bend=0.3, wave=3.0 * SIZE)
-    refined = Refined(world.trial, world.x, world.y)
     for fixed in (None, ["wave"]):
-        discovery = found(refined, fixed=fixed)
+        discovery = found(line(0, Refined, bend=0.3, wave=3.0 * SIZE), fixed=fixed)
         assert discovery.base == "line" and discovery.fitted.base == "bend"
         assert [effect.name for effect in discovery.fitted.effects] == ["wave"]
 
@@ -291,8 +282,7 @@ def test_a_base_of_the_reserve_that_errs_more_is_left_whatever_its_score():
         def errs_more(self, judged, than, settings):
             return judged.total > than.total
 
-    world = with_reserve(0, bend=3.0, wave=SIZE)
-    assert found(Erring(world.trial, world.x, world.y)).fitted.base == "line"
+    assert found(line(0, Erring, bend=3.0, wave=SIZE)).fitted.base == "line"
 
 
 @pytest.mark.parametrize(("acts", "spoils"), [("wave", False), ("step", True), (None, True)])
@@ -306,8 +296,7 @@ def test_a_base_spoils_nothing_if_an_effect_that_acts_on_that_error_alone_is_mis
         def acting_on(self, judged, than, settings):
             return [self.candidates[acts]] if acts else []
 
-    world = line(0, wave=SIZE)
-    world = Waving(world.trial, world.x, world.y)
+    world = line(0, Waving, wave=SIZE)
     bases = Bases(Evidence(world, SearchSettings(), np.random.default_rng(1)))
     plain, waving = world.fit("line", ()), world.fit("line", (world.candidates["wave"],))
     judged, than = bases.evidence.judge(plain), bases.evidence.judge(waving)
@@ -338,9 +327,8 @@ def test_a_base_of_the_reserve_that_ends_worse_is_left_again():
         def of_line(self, judged):
             return self.bends[id(judged)][0] == "line"
 
-    world = with_reserve(0, bend=0.5, wave=SIZE, step=SIZE)
     said = []
-    discovery = found(DeadEnd(world.trial, world.x, world.y), say=said.append)
+    discovery = found(line(0, DeadEnd, bend=0.5, wave=SIZE, step=SIZE), say=said.append)
     assert "another base, bend" in said and "on line once more, with other effects" in said
     assert discovery.base == discovery.fitted.base == "line"
     assert len(discovery.steps) == 2
@@ -366,8 +354,7 @@ def test_on_a_base_of_the_reserve_slopes_name_a_finalist_that_quick_fits_misjudg
 
     for twin in ("twin_of_wave", "step"):
         monkeypatch.delitem(SHAPES, twin)
-    world = with_reserve(0, bend=3.0, wave=3.0 * SIZE)
-    discovery = found(FarLimit(world.trial, world.x, world.y), SearchSettings(finalists=1))
+    discovery = found(line(0, FarLimit, bend=3.0, wave=3.0 * SIZE), SearchSettings(finalists=1))
     assert discovery.base == "bend" and [step.effect.name for step in discovery.steps] == ["wave"]
 
 
@@ -394,18 +381,17 @@ def test_on_a_base_of_the_reserve_what_slopes_and_quick_fits_misjudge_is_a_final
 
     for twin in ("twin_of_wave", "step"):
         monkeypatch.delitem(SHAPES, twin)
-    world = with_reserve(0, bend=3.0, wave=3.0 * SIZE)
     said = []
-    discovery = found(Flat(world.trial, world.x, world.y), SearchSettings(finalists=1), say=said.append)
+    discovery = found(line(0, Flat, bend=3.0, wave=3.0 * SIZE), SearchSettings(finalists=1), say=said.append)
     assert discovery.fitted.base == "bend" and [step.effect.name for step in discovery.steps] == ["wave"]
     # else it is only found on the line
     assert any(line.startswith("step 1: wave") for line in said) == known
 
 
 def test_a_base_of_the_reserve_is_left_where_an_effect_says_the_same():
-    discovery = found(with_reserve(0, bend=0.0, square=3.0 * SIZE))
+    discovery = found(line(0, WithReserve, square=3.0 * SIZE))
     assert discovery.base == "line" and [step.effect.name for step in discovery.steps] == ["square"]
-    assert found(with_reserve(1, bend=0.0)).base == "line"
+    assert found(line(1, WithReserve)).base == "line"
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -434,8 +420,7 @@ def test_candidates_whose_scores_scatter_by_trial_are_not_told_apart(monkeypatch
 
 
 def test_two_effects_are_both_found_and_each_is_worth_its_gain_on_unseen_trials():
-    world = line(3, square=4.0 * SIZE, wave=2.0 * SIZE)
-    training, unseen = (world.part(trials) for trials in split(world.trials, 0.3, np.random.default_rng(0)))
+    training, unseen = halves(line(3, square=4.0 * SIZE, wave=2.0 * SIZE))
     discovery = found(training)
     names = {step.effect.name for step in discovery.steps}
     assert len(names) == 2 and "square" in names and names & {"wave", "twin_of_wave"}
@@ -492,8 +477,7 @@ class Counted(Line):
 @pytest.mark.parametrize(("name", "columns"), [("square", 1), ("bundle", 1 + IDLE)])
 @pytest.mark.parametrize(("times", "stretch"), [(2.0, 2.0), (0.5, 1.0)])
 def test_the_null_is_stretched_as_refits_gain_more_than_the_score_test_predicts(name, columns, times, stretch):
-    plain = line(5)
-    world = Counted(plain.trial, plain.x, plain.y)
+    world = line(5, Counted)
     world.times = times
     fitted, effect, rng = world.fit("line", ()), Curve(name), np.random.default_rng(0)
     evidence = Evidence(world, SearchSettings(), rng)
@@ -527,10 +511,6 @@ class Spoilt(Line):
 
     spoil: tuple[str, ...] = ("square",)
 
-    def part(self, trials: np.ndarray) -> "Spoilt":
-        rows = np.isin(self.trial, trials)
-        return Spoilt(self.trial[rows], self.x[rows], self.y[rows])
-
     def judge(self, fitted: Fitted) -> TwoErrors:
         return TwoErrors(self.trial, self.residual(fitted), 1.0 + sum(e.name in self.spoil for e in fitted.effects))
 
@@ -542,12 +522,8 @@ class Spoilt(Line):
         return settings.matters(judged.other, than.other, 1.0)
 
 
-def spoilt(world: Line) -> Spoilt:
-    return Spoilt(world.trial, world.x, world.y)
-
-
 def test_an_effect_that_spoils_another_error_does_not_enter_and_the_next_is_judged():
-    world, said = spoilt(line(3, square=4.0 * SIZE, wave=2.0 * SIZE)), []
+    world, said = line(3, Spoilt, square=4.0 * SIZE, wave=2.0 * SIZE), []
     names = {step.effect.name for step in found(world, say=said.append).steps}
     assert "square" not in names and names & {"wave", "twin_of_wave"}
     assert "square predicts better, but spoils another error" in said
@@ -556,12 +532,12 @@ def test_an_effect_that_spoils_another_error_does_not_enter_and_the_next_is_judg
 
 
 def test_held_out_trials_reject_what_makes_an_error_larger_and_what_was_found_after_it_is_fitted_again():
-    world = line(3, square=12.0 * SIZE, wave=3.0 * SIZE)
-    training, unseen = (world.part(trials) for trials in split(world.trials, 0.3, np.random.default_rng(0)))
+    hidden = {"square": 12.0 * SIZE, "wave": 3.0 * SIZE}
+    (training, _), (_, unseen) = halves(line(3, **hidden)), halves(line(3, Spoilt, **hidden))
     discovery = found(training)
     names = [step.effect.name for step in discovery.steps]
     at = names.index("square")
-    kept, ladder, without = judge_held_out(training, spoilt(unseen), discovery, SearchSettings())
+    kept, ladder, without = judge_held_out(training, unseen, discovery, SearchSettings())
     others = [name for name in names if name != "square"]
     assert [step.effect.name for step in kept.steps] == others == list(without) and at < len(others) == len(ladder) - 1
     assert [[e.name for e in fitted.effects] for _, fitted, _ in ladder] == [others[:i] for i in range(len(ladder))]
@@ -569,7 +545,7 @@ def test_held_out_trials_reject_what_makes_an_error_larger_and_what_was_found_af
     (rejected,) = kept.rejected
     assert rejected.step.effect.name == "square"
     assert rejected.judged.other > rejected.than.other and "square" in kept.last_scan.gain
-    by_hand, ladder, _ = judge_held_out(training, spoilt(unseen), discovery, SearchSettings(), by_hand=True)
+    by_hand, ladder, _ = judge_held_out(training, unseen, discovery, SearchSettings(), by_hand=True)
     assert [step.fails for step in by_hand.steps] == ["spoils" if i == at else None for i in range(2)]
     assert len(ladder) == 3 and by_hand.rejected == ()
 
@@ -586,22 +562,20 @@ def test_an_error_that_a_rung_raises_and_a_later_one_lowers_rejects_an_effect_wh
     def names_of(fitted):
         return {effect.name for effect in fitted.effects}
 
-    world = line(3, square=12.0 * SIZE, wave=3.0 * SIZE)
-    training, unseen = (world.part(trials) for trials in split(world.trials, 0.3, np.random.default_rng(0)))
+    hidden = {"square": 12.0 * SIZE, "wave": 3.0 * SIZE}
+    (training, _), (_, unseen) = halves(line(3, **hidden)), halves(line(3, Mended, **hidden))
     discovery = found(training)
     assert [step.effect.name for step in discovery.steps].index("square") == 0
-    unseen = Mended(unseen.trial, unseen.x, unseen.y)
     kept, _, _ = judge_held_out(training, unseen, discovery, SearchSettings())
     assert ("square" in {step.effect.name for step in kept.steps}) == forgives
 
 
 def test_of_two_effects_that_spoil_an_error_held_out_trials_strike_the_later_first_and_each_by_itself():
-    world = line(3, square=12.0 * SIZE, step=6.0 * SIZE, wave=3.0 * SIZE)
-    training, unseen = (world.part(trials) for trials in split(world.trials, 0.3, np.random.default_rng(0)))
+    hidden = {"square": 12.0 * SIZE, "step": 6.0 * SIZE, "wave": 3.0 * SIZE}
+    (training, _), (_, of_two) = halves(line(3, **hidden)), halves(line(3, Spoilt, **hidden))
     discovery = found(training)
     names = [step.effect.name for step in discovery.steps]
     assert len(names) == 3 and {"square", "step"} < set(names)
-    of_two = spoilt(unseen)
     of_two.spoil = ("square", "step")
     kept, ladder, _ = judge_held_out(training, of_two, discovery, SearchSettings())
     (stays,) = kept.steps
@@ -627,8 +601,7 @@ class Nested(Line):
 
 @pytest.mark.parametrize(("is_nested", "named"), [(True, "square"), (False, "bundle")])
 def test_where_the_best_effect_includes_a_simpler_one_that_is_asked_though_it_is_no_finalist(is_nested, named):
-    plain = line(0, square=3.0 * SIZE)
-    world = Nested(plain.trial, plain.x, plain.y)
+    world = line(0, Nested, square=3.0 * SIZE)
     world.is_nested = is_nested
     world.candidates = {name: Curve(name) for name in ("square", "bundle")}
     (step,) = found(world, SearchSettings(finalists=1)).steps
@@ -637,15 +610,15 @@ def test_where_the_best_effect_includes_a_simpler_one_that_is_asked_though_it_is
 
 def test_held_out_trials_reject_what_lowers_none_of_their_errors():
     """The square is in the training trials alone."""
-    both, wave = line(3, square=4.0 * SIZE, wave=2.0 * SIZE), line(3, wave=2.0 * SIZE)
-    trials, others = split(both.trials, 0.3, np.random.default_rng(0))
-    discovery = found(both.part(trials))
-    kept, _, without = judge_held_out(both.part(trials), wave.part(others), discovery, SearchSettings())
+    training, with_both = halves(line(3, square=4.0 * SIZE, wave=2.0 * SIZE))
+    _, unseen = halves(line(3, wave=2.0 * SIZE))
+    discovery = found(training)
+    kept, _, without = judge_held_out(training, unseen, discovery, SearchSettings())
     (rejected,) = kept.rejected
     assert rejected.step.effect.name == "square" and "square" not in without
-    by_hand, _, _ = judge_held_out(both.part(trials), wave.part(others), discovery, SearchSettings(), by_hand=True)
+    by_hand, _, _ = judge_held_out(training, unseen, discovery, SearchSettings(), by_hand=True)
     assert by_hand.steps == discovery.steps
-    all_of, _, _ = judge_held_out(both.part(trials), both.part(others), discovery, SearchSettings())
+    all_of, _, _ = judge_held_out(training, with_both, discovery, SearchSettings())
     assert all_of is discovery
 
 
@@ -655,7 +628,7 @@ def test_a_search_knows_at_which_limit_it_ended():
     assert found(world, SearchSettings(max_effects=1)).limit == ("max_effects", 1)
     assert found(world, fixed=["square"]).limit is None
     # the first finalist spoils, and the next one is asked
-    world = spoilt(line(3, square=4.0 * SIZE, step=1.5 * SIZE))
+    world = line(3, Spoilt, square=4.0 * SIZE, step=1.5 * SIZE)
     assert found(world, SearchSettings(finalists=1)).limit is None and found(world, SearchSettings(finalists=1)).steps
     assert found(line(0), SearchSettings(max_effects=0)).limit is None  # nothing is left
 

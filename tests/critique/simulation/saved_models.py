@@ -1,7 +1,7 @@
 """Models that were not fitted, as if a critique had saved them."""
 
-from thesis_lib.bodies.shapes import Shape
-from thesis_lib.contact import LAWS
+from thesis_lib.bodies.body import Body
+from thesis_lib.critique.contacts.bases import BASES
 from thesis_lib.critique.contacts.model import Model
 from thesis_lib.critique.results.saved_in_space import SavedSpaceModel
 from thesis_lib.critique.results.saved_model import SavedModel
@@ -24,13 +24,11 @@ def space_model(law: str = "mirtich", shape: dict = BOX, rig: dict | None = None
     )
 
 
-def model_of(
-    height: float = 0.0, shape: Shape = ELLIPSE_BODY.shape, law: str = "wang_mason", **values: float
-) -> SavedModel:
-    """The law with these values, for the body of the proof if no other shape is given."""
+def model_of(height: float = 0.0, body: Body = ELLIPSE_BODY, law: str = "wang_mason", **values: float) -> SavedModel:
+    """The law with these values, of a contact that takes time with tau; for the body of the proof if no other."""
     names = tuple(dict.fromkeys(name.split(".")[0] for name in values if "." in name))
-    declared = Model(LAWS[law], tuple(EFFECTS[name] for name in names)).parameters
-    rig = {"shape": shape.model_dump(), "radius_of_gyration": ELLIPSE_BODY.radius_of_gyration}
+    declared = Model(BASES[law], tuple(EFFECTS[name] for name in names), "tau" in values).parameters
+    rig = {"shape": body.shape.model_dump(), "radius_of_gyration": body.radius_of_gyration}
     return SavedModel.model_validate(
         {
             **{"schema": 1, "law": law, "effects": names},

@@ -55,8 +55,7 @@ def rig(shape: str, seed: int) -> SpaceHeader:
 
 def tossed(header: SpaceHeader, trials: int, seed: int, before_hits: bool = False) -> pd.DataFrame:
     """Tosses that the camera saw; with `before_hits` until each body hits."""
-    (frame,) = surface_frames(header)
-    made = simulate_tosses(header, frame, trials, np.random.default_rng(seed), noise=NOISE)
+    made = simulate_tosses(header, trials, np.random.default_rng(seed), noise=NOISE)
     table = made.trajectories
     if before_hits:
         table = table[table["t"] < table["trial"].map(made.hits.groupby("trial")["t"].min())]

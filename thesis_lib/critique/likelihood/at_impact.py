@@ -36,9 +36,7 @@ def state_beside(dynamics: Dynamics, o: Observations, side: int) -> State:
             state = state.corrected(lines, line_of_path(dynamics, o, side, state))
         return state
 
-    def acceleration(state: State) -> np.ndarray:
-        return _beside_lines(o, state, dynamics.acceleration(state))
-
+    acceleration = _acceleration_beside_lines(dynamics, o)
     state = _flown_to_impact(o, side, acceleration, dynamics.model.has_varying_flight)
     beyond = dynamics.arc(o.nodes[:, side], state) if dynamics.model.has_arc else None
     if beyond is None:
@@ -52,16 +50,11 @@ def lines_beside(dynamics: Dynamics, o: Observations, side: int, state: State) -
 
     The inverse of `state_beside`.
     """
-    if dynamics.turns_otherwise:
-        line = _lines_of_turning(dynamics, o, side, state)
+    if dynamics.turns_otherwise or dynamics.model.camera_bends:
+        beside = _lines_of_turning if dynamics.turns_otherwise else line_of_path
+        line = beside(dynamics, o, side, state)
         return line.q, line.v
-    if dynamics.model.camera_bends:
-        line = line_of_path(dynamics, o, side, state)
-        return line.q, line.v
-
-    def acceleration(state: State) -> np.ndarray:
-        return _beside_lines(o, state, dynamics.acceleration(state))
-
+    acceleration = _acceleration_beside_lines(dynamics, o)
     pose, speed, a = state.pose, state.v, acceleration(state)
     if dynamics.model.has_varying_flight:
         a = acceleration(state.with_velocity(speed + ARC_MEAN * o.bow[:, side, 1:] * a))
@@ -148,6 +141,11 @@ def _beside_lines(o: Observations, state: State, a: np.ndarray) -> np.ndarray:
         return a
     d = o.space.dimension
     return np.concatenate([a[:, :d], a[:, d:] - o.rig.fall(state)[d:].T], axis=1)
+
+
+def _acceleration_beside_lines(dynamics: Dynamics, o: Observations) -> Callable[[State], np.ndarray]:
+    """A model's acceleration of a state, as `_beside_lines`."""
+    return lambda state: _beside_lines(o, state, dynamics.acceleration(state))
 
 
 def _flown_to_impact(o: Observations, side: int, acceleration: Callable[[State], np.ndarray], varying: bool) -> State:

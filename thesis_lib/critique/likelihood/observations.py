@@ -39,22 +39,7 @@ OF_STEPS = 1e-3  # of gravity: a step Δ of a simulation with the damping c chan
 LONGEST_WAIT = 0.03  # s from the last sample before an episode to its touch
 LATE = 8e-3  # s by which noise may make the last hit of an episode late
 FOR_MODELS, OF_SAMPLES = ("trial", "surface", "t", "span", "value", "slope", "bow", "offset"), ("nodes", "weights")
-ROWS = (
-    "trial",
-    "surface",
-    "impact",
-    "hits",
-    "t",
-    "span",
-    "value",
-    "slope",
-    "bow",
-    "cov",
-    "nodes",
-    "weights",
-    "t_std",
-    "offset",
-)
+ROWS = (*FOR_MODELS, *OF_SAMPLES, "impact", "hits", "cov", "t_std")
 
 
 @dataclass(frozen=True)
