@@ -169,9 +169,10 @@ class ShowcaseChoice(Section):
     steps: int = Field(30, ge=1, description="steps of 1 mm of figure 5-8's pushes")
     every: int = Field(10, ge=1, description="steps between two runs of NUTS")
     nuts: NutsSettings = NutsSettings()
-    steered_blocks: int = Field(3, ge=1, description="free blocks of the tower of figure 5-9")
+    steered_blocks: int = Field(3, ge=1, description="free blocks of figure 5-9, on development towers")
     edge: float = Field(8.0, gt=0, le=12.5, description="mm off the centre, contact of the disturbing pushes")
-    disturbed: int = Field(8, ge=1, description="steps pushed there before the controller takes over")
+    turned: float = Field(2.0, gt=0, description="mm of yaw·r_g to which they turn a block (5 degrees); own choice")
+    disturbed: int = Field(16, ge=1, description="steps within which it must turn, half the way out; own choice")
     # figure 5-9's controller: as in the games, but straying costs 16 times as much, and it never gives up
     steering: ControllerSettings = ControllerSettings(stray=3.0, effort=0.01, give_up=1e6)
 

@@ -25,6 +25,7 @@ from thesis_lib.jenga.tower.settings import Setup
 from thesis_lib.jenga.tower.tower import REACHABLE, settled_tower
 
 SHOWN = 1  # seed of the development tower whose game is drawn: test towers are not shown
+STEERED = (1, 2, 3, 4, 0)  # seeds of the development towers whose blocks are steered
 PICTURES = 6
 
 

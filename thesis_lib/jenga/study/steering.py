@@ -1,8 +1,9 @@
 """Block steering (figure 5-9): after an off-centre push a block turns and drifts; does the controller bring it back?
 
-Free blocks of a development tower are pushed `disturbed` steps near one edge of the end face.  The push then continues
-from the same state and noise in two ways: straight at the centre, or by model predictive control on the learned model
-with the weights `ShowcaseChoice.steering` (a block out askew costs little with the weights of the games).
+Free blocks of development towers are pushed near one edge of the end face until they begin to rotate, as in the figure.
+A neighbour holds about half of them, which then hardly turn: such a push is left out before anybody steers.  The others
+continue from the same state and noise in two ways: straight at the centre, or by model predictive control on the
+learned model with the weights `ShowcaseChoice.steering` (a block out askew costs little with the weights of the games).
 
     stray = (y² + ψ²)^½ of the true state at the end, ψ = yaw · r_g, in mm
 
@@ -10,6 +11,8 @@ Label and true state select and judge the pushes; the controller sees readings o
 
 Source: thesis, section 5.5.4, figure 5-9; disturbance and comparison are own choices.
 """
+
+from collections.abc import Iterable
 
 import numpy as np
 import pandas as pd
@@ -29,59 +32,69 @@ from thesis_lib.statistics.intervals import mean_row, wilson, wilson_std
 MOST = 60  # steps after which an unfinished push ends
 FIRST = 5  # steps of the controller that show what it does about the disturbance: its horizon
 HALF_WIDTH = 12.5  # mm, of a block
+PUSH = ["tower", "block", "edge"]  # what a steered and a straight push have in common
 
 
 def steering_pushes(
-    learner: Learner, seed: int, setup: Setup, choice: ShowcaseChoice, rng: np.random.Generator
+    learner: Learner, seeds: Iterable[int], setup: Setup, choice: ShowcaseChoice, rng: np.random.Generator
 ) -> tuple[pd.DataFrame, pd.DataFrame]:
-    """All steps of the pushes of `choice.steered_blocks` free blocks of tower `seed`, and the end of each push.
+    """All steps of the pushes of `choice.steered_blocks` free blocks that turn, and the end of each push.
 
-    steps: block, edge (mm, contact of the disturbance), steered (0 or 1), step, advance, x, y, yaw (mm, as read before
-    the step), offset (mm), heading (rad), controlled (0 or 1: after the disturbance).  ends: block, edge, steered,
-    steps, out (0 or 1), stray (mm).  UserError if the tower has fewer free blocks, TowerError if it does not stand.
+    Blocks are those of the towers `seeds`, tower by tower, until there are enough.  steps: tower, block, edge (mm,
+    contact of the disturbance), steered (0 or 1), step, advance, x, y, yaw (mm, as read before the step), offset (mm),
+    heading (rad), controlled (0 or 1: after the disturbance).  ends: tower, block, edge, steered, steps, out (0 or 1),
+    stray (mm).  UserError if the towers have fewer such blocks, TowerError if one does not stand.
     """
-    tower = settled_tower(seed, setup)
-    settled = tower.save()
-    steps, ends, shown = [], [], 0
-    for block in map(int, rng.permutation(REACHABLE)):
-        tower.load(settled)
-        if shown == choice.steered_blocks:
-            break
-        if hidden_label(tower, block, setup.movable) != FREE:
-            continue
-        shown += 1
-        for edge in (choice.edge, -choice.edge):
-            noise = int(rng.integers(2**31))
-            for steered in (0, 1):
-                tower.load(settled)
-                policy = Learned(learner, choice.steering) if steered else AlwaysPush()
-                case = {"block": block, "edge": edge, "steered": steered}
-                robot = Robot(tower, setup.sensing, np.random.default_rng(noise))
-                rows, end = _push(robot, block, Push(edge), policy, choice.disturbed)
-                steps += [case | row for row in rows]
-                ends.append(case | end)
-    if shown < choice.steered_blocks:
-        raise UserError(f"tower {seed} has {shown} free blocks, fewer than the {choice.steered_blocks} to be steered.")
-    return pd.DataFrame(steps), pd.DataFrame(ends)
+    steps, ends, tried = [], [], []
+    for seed in seeds:
+        tower = settled_tower(seed, setup)
+        tried.append(str(seed))
+        settled = tower.save()
+        for block in map(int, rng.permutation(REACHABLE)):
+            tower.load(settled)
+            if hidden_label(tower, block, setup.movable) != FREE:
+                continue
+            for edge in (choice.edge, -choice.edge):
+                noise = int(rng.integers(2**31))
+                for steered in (0, 1):
+                    tower.load(settled)
+                    policy = Learned(learner, choice.steering) if steered else AlwaysPush()
+                    case = {"tower": seed, "block": block, "edge": edge, "steered": steered}
+                    robot = Robot(tower, setup.sensing, np.random.default_rng(noise))
+                    rows, end = _push(robot, block, edge, policy, choice)
+                    if not end:
+                        break
+                    steps += [case | row for row in rows]
+                    ends.append(case | end)
+            if len({(end["tower"], end["block"]) for end in ends}) == choice.steered_blocks:
+                return pd.DataFrame(steps), pd.DataFrame(ends)
+    raise UserError(f"towers {', '.join(tried)} have fewer than {choice.steered_blocks} free blocks that turn.")
 
 
-def _push(robot: Robot, block: int, first: Push, policy: Policy, disturbed: int) -> tuple[list[dict], dict]:
-    """Rows and end of one push: `disturbed` times `first`, then the policy."""
-    reading, context, rows = robot.start(block), robot.tower.context(block), []
+def _push(
+    robot: Robot, block: int, edge: float, policy: Policy, choice: ShowcaseChoice
+) -> tuple[list[dict], dict[str, float]]:
+    """Rows and end of one push: at `edge` (mm) until the block has turned, then the policy; no end if it stays."""
+    reading, context, rows, turned = robot.start(block), robot.tower.context(block), [], False
     policy.begin(robot.rng)
     policy.start(block, context)
     for step in range(MOST):
-        action = first if step < disturbed else policy.act(reading, context)
+        turned = turned or abs(robot.state()[YAW]) >= choice.turned
+        if not turned and step == choice.disturbed:
+            return rows, {}
+        action = policy.act(reading, context) if turned else Push(edge)
         if isinstance(action, Retract):
             break
         before, after = robot.push_step(action.offset / MM, action.heading)
         policy.observe(before, action, after)
         seen = {"advance": reading[ADVANCE], "x": reading[X], "y": reading[Y], "yaw": reading[YAW]}
-        done = {"offset": action.offset, "heading": action.heading, "controlled": int(step >= disturbed)}
+        done = {"offset": action.offset, "heading": action.heading, "controlled": int(turned)}
         rows.append({"step": step} | seen | done)
         reading = after
         if robot.reached_goal() or robot.at_end() or robot.tower.fallen().size:
             break
+    if not turned:
+        return rows, {}
     true = robot.state()
     stray = float(np.hypot(true[Y], true[YAW]))
     return rows, {"steps": len(rows), "out": int(robot.reached_goal()), "stray": stray}
@@ -94,10 +107,10 @@ def steering_summary(steps: pd.DataFrame, ends: pd.DataFrame) -> pd.DataFrame:
     steered pushes whose contact, mean of the controller's first `FIRST` steps, lies on the side that turns the block
     back (+y turns it to −yaw).  edge: that contact's distance from the centre, as a share of half the block's width.
     """
-    wide = ends.pivot(index=["block", "edge"], columns="steered", values="stray")
-    saved = (wide[0] - wide[1]).groupby("block").mean().to_numpy()
+    wide = ends.pivot(index=PUSH, columns="steered", values="stray")
+    saved = (wide[0] - wide[1]).groupby(PUSH[:2]).mean().to_numpy()
     controlled = steps[(steps["steered"] == 1) & (steps["controlled"] == 1)]
-    chosen = controlled.groupby(["block", "edge"]).head(FIRST).groupby(["block", "edge"])
+    chosen = controlled.groupby(PUSH).head(FIRST).groupby(PUSH)
     offset, yaw = chosen["offset"].mean(), chosen["yaw"].first()
     back, edge = (offset * yaw > 0.0).to_numpy(), (offset.abs() / HALF_WIDTH).to_numpy()
     n = len(back)
@@ -111,9 +124,8 @@ def steering_summary(steps: pd.DataFrame, ends: pd.DataFrame) -> pd.DataFrame:
 
 def strayed_most(steps: pd.DataFrame, ends: pd.DataFrame) -> pd.DataFrame:
     """Rows of `steps` of the pair whose straight push strayed most, if both came out; UserError if there is none."""
-    pairs = ends.pivot(index=["block", "edge"], columns="steered", values=["stray", "out"])
+    pairs = ends.pivot(index=PUSH, columns="steered", values=["stray", "out"])
     both = pairs[(pairs["out"] == 1).all(axis=1)]
     if both.empty:
         raise UserError("no block came out both straight and steered: nothing to show. Take another tower.")
-    block, edge = both["stray"][0].idxmax()
-    return steps[(steps["block"] == block) & (steps["edge"] == edge)].reset_index(drop=True)
+    return steps.set_index(PUSH).loc[[both["stray"][0].idxmax()]].reset_index()

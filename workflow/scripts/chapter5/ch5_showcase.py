@@ -31,7 +31,7 @@ write_result(runs, out.runs)
 game = play(showcase.SHOWN, policy, settings.setup, params.seed, blocks=params.blocks, frames=True)
 folder = Path(out.runs).parent
 save_figure(*figures.figure_5_8(beliefs), folder / "figure_5_8")
-steps, ends = steering_pushes(policy.learner, showcase.SHOWN, settings.setup, choice, stream("steering"))
+steps, ends = steering_pushes(policy.learner, showcase.STEERED, settings.setup, choice, stream("steering"))
 write_result(ends, out.ends)
 write_result(steering_summary(steps, ends), out.summary)
 save_figure(*figures.figure_5_9(strayed_most(steps, ends)), folder / "figure_5_9")
