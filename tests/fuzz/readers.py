@@ -36,12 +36,13 @@ from tests.fuzz.mutations import Sample
 class Reader:
     """samples: () -> folders as {name: bytes}; read: (input folder, output folder), raises UserError.
 
-    contained: what a link shows of files outside the folder must not come back.
+    contained: what a link shows of files outside the folder must not come back; share: of the inputs, relative.
     """
 
     samples: Callable[[], list[Sample]]
     read: Callable[[Path, Path], None]
     contained: bool = False
+    share: float = 1.0
 
 
 def _yaml(content: dict) -> bytes:
@@ -360,35 +361,23 @@ def _run_commands(folder: Path, out: Path) -> None:
     assert "Traceback" not in said.getvalue()
 
 
+# shares: what strangers send comes first, the command lines run a dozen programs each
 READERS: dict[str, Reader] = {
-    "dataset": Reader(cache(_dataset_samples), _read_dataset, contained=True),
-    "log": Reader(cache(_log_samples), _read_log),
-    "motion": Reader(cache(motion_samples), read_motion),
-    "bag": Reader(cache(bag_samples), read_motion),
+    "dataset": Reader(cache(_dataset_samples), _read_dataset, contained=True, share=8),
+    "log": Reader(cache(_log_samples), _read_log, share=2),
+    "motion": Reader(cache(motion_samples), read_motion, share=3),
+    "bag": Reader(cache(bag_samples), read_motion, share=2),
     "c3d": Reader(cache(c3d_samples), read_motion),
     "space": Reader(cache(motion_samples), read_in_space),
-    "tensors": Reader(cache(tensor_samples), read_in_space),
+    "tensors": Reader(cache(tensor_samples), read_in_space, share=0.5),
     "published": Reader(cache(_published_samples), _read_published),
     "archive": Reader(cache(_archive_samples), _read_archive),
-    "config": Reader(cache(_config_samples), _read_config),
-    "claims": Reader(cache(_claims_samples), _read_claims),
-    "model": Reader(cache(_model_samples), _read_model),
+    "config": Reader(cache(_config_samples), _read_config, share=3),
+    "claims": Reader(cache(_claims_samples), _read_claims, share=3),
+    "model": Reader(cache(_model_samples), _read_model, share=3),
     "robot": Reader(cache(_robot_samples), _read_robot),
-    "results": Reader(cache(results_samples), read_results),
+    "results": Reader(cache(results_samples), read_results, share=3),
     "jenga": Reader(cache(jenga_samples), read_jenga),
     "policy": Reader(cache(policy_samples), read_policy),
-    "commands": Reader(cache(_command_samples), _run_commands),
-}
-# shares of the inputs: what strangers send comes first, the command lines run a dozen programs each
-WEIGHTS = {
-    "dataset": 8,
-    "config": 3,
-    "claims": 3,
-    "model": 3,
-    "results": 3,
-    "log": 2,
-    "motion": 3,
-    "bag": 2,
-    "tensors": 0.5,
-    "commands": 0.3,
+    "commands": Reader(cache(_command_samples), _run_commands, share=0.3),
 }
