@@ -25,16 +25,9 @@ UNITS = ("--units", "mm,deg,ms")
 
 def rig(frame: pd.DataFrame, *, down: bool = False) -> pd.DataFrame:
     """The poses as a rig might log them: ms, mm, degrees, own names, a column more."""
-    return pd.DataFrame(
-        {
-            "run": frame["trial"],
-            "time": frame["t"] * 1e3,
-            "X": frame["x"] * 1e3,
-            "Z": frame["y"] * (-1e3 if down else 1e3),
-            "angle": np.degrees(frame["theta"]),
-            "quality": 1,
-        }
-    )
+    up = -1e3 if down else 1e3
+    log = {"run": frame["trial"], "time": frame["t"] * 1e3, "X": frame["x"] * 1e3, "Z": frame["y"] * up}
+    return pd.DataFrame(log | {"angle": np.degrees(frame["theta"]), "quality": 1})
 
 
 def init(tmp_path, *args: str) -> int:

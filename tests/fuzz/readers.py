@@ -202,14 +202,10 @@ def _claims_samples() -> list[Sample]:
     ledger["checks"] = [claim["check"] for claim in kinds.values()]  # written with anchors
     ledger["claims"] = [claim | {"source": sources[0]} for claim in kinds.values()]
     first = str(claims[0]["id"])
-    return [
-        {
-            "claims.yaml": yaml.safe_dump(ledger, sort_keys=False).encode(),
-            "table.csv": TABLE,
-            "present.json": b'{"drops": {"present": true}}',
-        },
-        {"expected.yaml": yaml.safe_dump({"schema": 1, "expected": {"quick": {first: "reproduced"}}}).encode()},
-    ]
+    checked = {"claims.yaml": yaml.safe_dump(ledger, sort_keys=False).encode(), "table.csv": TABLE}
+    checked |= {"present.json": b'{"drops": {"present": true}}'}
+    expected = yaml.safe_dump({"schema": 1, "expected": {"quick": {first: "reproduced"}}}).encode()
+    return [checked, {"expected.yaml": expected}]
 
 
 def _read_claims(folder: Path, out: Path) -> None:
@@ -235,25 +231,19 @@ def _model_samples() -> list[Sample]:
     effects = ["com_offset", "wear"]
     values = {"mu": 0.2, "epsilon": 0.6}
     values |= {f"{name}.{p.name}": p.null + 0.1 * p.scale for name in effects for p in EFFECTS[name].parameters}
-    model = {
-        "schema": 1,
-        "dataset": "drops",
-        "law": "wang_mason",
-        "effects": effects,
-        "origins": {"wear": {"file": "my_effects.py", "sha256": "0" * 64}},
-        "parameters": {name: {"value": value, "std": 0.01, "unit": "1"} for name, value in values.items()},
-        "scatter": 0.01,
-        "rig": {
-            "shape": {"kind": "ellipse", "semi_axes": [0.035, 0.025]},
-            "radius_of_gyration": 0.0192,
-            "gravity": 9.81,
-            "height": 0.0,
-        },
-    }
+    model = {"schema": 1, "dataset": "drops", "law": "wang_mason", "effects": effects}
+    model |= {"origins": {"wear": {"file": "my_effects.py", "sha256": "0" * 64}}, "parameters": _parameters(values)}
+    ellipse = {"kind": "ellipse", "semi_axes": [0.035, 0.025]}
+    rig = {"shape": ellipse, "radius_of_gyration": 0.0192, "gravity": 9.81, "height": 0.0}
+    model |= {"scatter": 0.01, "rig": rig}
     n = np.arange(5.0)
     states = pd.DataFrame({"x": 0.0, "y": 0.03, "theta": n, "vx": 0.5, "vy": -2.0, "omega": n, "trial": n, "t": n})
     planar = {"model.json": json.dumps(model, indent=1).encode(), "states.csv": csv_of(states)}
     return [planar, _model_in_space()]
+
+
+def _parameters(values: dict[str, float]) -> dict:
+    return {name: {"value": value, "std": 0.01, "unit": "1"} for name, value in values.items()}
 
 
 def _model_in_space() -> Sample:
@@ -268,15 +258,8 @@ def _model_in_space() -> Sample:
     values = {name: p.null + 0.1 * p.scale for name, p in made.parameters.items()} | {"mu": 0.2, "epsilon": 0.6}
     body = {"shape": {"kind": "box", "half_extents": [0.05, 0.04, 0.03]}, "radii_of_gyration": [0.03, 0.034, 0.037]}
     place = {"tracked": {"position": [0.01, 0, 0.02]}, "surface": {"point": [0, 0, 0.1]}, "gravity": [0, 0, -9.81]}
-    model = {
-        "schema": 1,
-        "dimensions": 3,
-        "dataset": "tosses",
-        "law": "mirtich",
-        "effects": effects,
-        "parameters": {name: {"value": value, "std": 0.01, "unit": "1"} for name, value in values.items()},
-        "rig": {"schema": 2, "body": body, **place},
-    }
+    model = {"schema": 1, "dimensions": 3, "dataset": "tosses", "law": "mirtich", "effects": effects}
+    model |= {"parameters": _parameters(values), "rig": {"schema": 2, "body": body, **place}}
     n = np.arange(5.0)
     states = pd.DataFrame(dict.fromkeys((*POSE_IN_SPACE, *V_PRE_IN_SPACE), 0.0), index=n)
     states = states.assign(trial=n, t=n, z=0.15, qw=1.0, vx_pre=0.5, vz_pre=-2.0, wx_pre=n)
