@@ -247,4 +247,5 @@ class State:
         first = states[0]
         surface = None if first.surface is None else np.concatenate([state.surface for state in states])
         parts = [[state.pose, state.motion, state.trial, state.t] for state in states]
-        return State(*(np.concatenate(arrays, axis=-1) for arrays in zip(*parts)), surface, first.space)
+        pose, motion, trial, t = (np.concatenate(arrays, axis=-1) for arrays in zip(*parts))
+        return State(pose, motion, trial, t, surface, first.space)
