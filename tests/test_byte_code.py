@@ -21,12 +21,8 @@ def written(folder: Path, first: str) -> list[Path]:
     return list(folder.rglob("*.pyc"))
 
 
-def test_children_write_byte_code(tmp_path):
-    assert written(tmp_path, KEEP)
-
-
-def test_they_would_not_otherwise(tmp_path):
-    assert not written(tmp_path, "pass")
+def test_children_write_byte_code_and_would_not_otherwise(tmp_path):
+    assert not written(tmp_path, "pass") and written(tmp_path, KEEP)
 
 
 def test_this_process_writes_too(monkeypatch):

@@ -50,10 +50,6 @@ def test_the_dictionary_lists_each_kind_of_table_once(tmp_path):
         write_result(pd.DataFrame({"law": ["mirtich"], "share": [0.2]}), tmp_path / folder / "coverage.csv")
     write_result(pd.DataFrame({"trial": [1], "train": [0]}), tmp_path / "a" / "split.csv")
     table = column_dictionary(tmp_path.rglob("*.csv"), {"split": {"trial": ("1", "drawn here")}})
-    assert table[["table", "column"]].to_numpy().tolist() == [
-        ["coverage", "law"],
-        ["coverage", "share"],
-        ["split", "trial"],
-        ["split", "train"],
-    ]
+    named = table["table"] + "." + table["column"]
+    assert named.tolist() == ["coverage.law", "coverage.share", "split.trial", "split.train"]
     assert list(table["meaning"][table["column"] == "trial"]) == ["drawn here"]

@@ -12,28 +12,20 @@ from thesis_lib.foundation.errors import CorruptFileError, UserError
 from thesis_lib.foundation.files import atomic, read_json, read_table, write_json, write_table, write_text
 
 ROOT = Path(__file__).resolve().parent.parent
-# what writes a file -> allowed outside `with atomic(...)` in these modules, because
-WRITERS = {
-    # standard output; text for write_text
-    "to_csv": {
-        "thesis_lib/commands/model.py",
-        "thesis_lib/foundation/rows.py",
-        "thesis_lib/studies/proof/direct_fits.py",
-        "thesis_lib/studies/proof/measured.py",
-    },
-    "to_parquet": set(),
-    "savefig": {"thesis_lib/figures/style.py"},  # into memory, for the page and the file
-    "np.save": set(),
-    "np.savez": {"thesis_lib/datasets/sources/motion_capture/own_process.py"},  # into a pipe
-    "np.savez_compressed": set(),
-    "torch.save": set(),
-    "json.dump": set(),
-    # into /proc, and under a name of its own
-    "write_text": {"thesis_lib/foundation/isolated.py", "thesis_lib/foundation/provenance.py"},
-    # into a temporary folder
-    "write_bytes": {"thesis_lib/datasets/sources/fetch.py", "thesis_lib/datasets/sources/published_tosses.py"},
-    "copyfile": set(),
-    "copy2": set(),
+WRITERS = {"to_csv", "to_parquet", "savefig", "np.save", "np.savez", "np.savez_compressed", "torch.save", "json.dump"}
+WRITERS |= {"write_text", "write_bytes", "copyfile", "copy2"}
+# what of these is allowed outside `with atomic(...)` in a module, because
+ALLOWED = {
+    "thesis_lib/commands/model.py": "to_csv",  # standard output
+    "thesis_lib/foundation/rows.py": "to_csv",  # text for write_text, as in the next two
+    "thesis_lib/studies/proof/direct_fits.py": "to_csv",
+    "thesis_lib/studies/proof/measured.py": "to_csv",
+    "thesis_lib/figures/style.py": "savefig",  # into memory, for the page and the file
+    "thesis_lib/datasets/sources/motion_capture/own_process.py": "np.savez",  # into a pipe
+    "thesis_lib/foundation/isolated.py": "write_text",  # into /proc
+    "thesis_lib/foundation/provenance.py": "write_text",  # under a name of its own
+    "thesis_lib/datasets/sources/fetch.py": "write_bytes",  # into a temporary folder
+    "thesis_lib/datasets/sources/published_tosses.py": "write_bytes",  # into a temporary folder
 }
 
 
@@ -106,15 +98,6 @@ class TestTables:
         assert str(path) in str(caught.value)
         assert not isinstance(caught.value, CorruptFileError)
 
-    @pytest.mark.parametrize(
-        ("name", "content"), [("a.csv", b""), ("a.csv", b'mu,"eps\n1,2'), ("a.parquet", b"not parquet")]
-    )
-    def test_unreadable_file_is_named_with_the_remedy(self, tmp_path, name, content):
-        (tmp_path / name).write_bytes(content)
-        with pytest.raises(CorruptFileError, match="delete it and run again") as caught:
-            read_table(tmp_path / name)
-        assert name in str(caught.value)
-
     def test_missing_columns_are_all_named(self, tmp_path, table):
         write_table(table, tmp_path / "a.csv")
         with pytest.raises(CorruptFileError, match=r"column\(s\) epsilon, error;"):
@@ -135,13 +118,9 @@ class TestJson:
             write_json({"mu": float("nan")}, tmp_path / "a.json")
         assert read_json(tmp_path / "a.json") == {"mu": 1.0}
 
-    def test_missing_and_corrupt_files(self, tmp_path):
+    def test_missing_file(self, tmp_path):
         with pytest.raises(UserError, match="does not exist"):
             read_json(tmp_path / "none.json")
-        for content in (b'{"mu": 0.1', b"\xff\xfe{}"):
-            (tmp_path / "bad.json").write_bytes(content)
-            with pytest.raises(CorruptFileError, match=r"bad\.json is not valid JSON .* delete it"):
-                read_json(tmp_path / "bad.json")
 
 
 def test_text_has_unix_line_ends(tmp_path):
@@ -170,6 +149,6 @@ def test_every_result_is_written_under_a_temporary_name_first():
         }
         for node in ast.walk(tree):
             if isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute) and id(node) not in safe:
-                words = {node.func.attr, ast.unparse(node.func)} & set(WRITERS)
-                strays += [f"{name}:{node.lineno} {word}" for word in words if name not in WRITERS[word]]
+                words = ({node.func.attr, ast.unparse(node.func)} & WRITERS) - {ALLOWED.get(name)}
+                strays += [f"{name}:{node.lineno} {word}" for word in words]
     assert strays == []

@@ -91,7 +91,7 @@ def simulate_tosses(
             t = t if ends is None else t[t < start + ends]
             samples.append((trial, t, flown(pose, motion, G, down, t - start).pose[:, :, 0]))
         hits += made
-    return Tosses(_recorded(samples, header, frame, rng, noise), _table(hits, frame))
+    return Tosses(recorded(samples, header, frame, rng, noise), _table(hits, frame))
 
 
 def _touch(
@@ -130,9 +130,10 @@ def _after(
     return motion + velocity_change(impulse, r, contact.mobility)
 
 
-def _recorded(
+def recorded(
     samples: list, header: SpaceHeader, frame: Frame, rng: np.random.Generator, noise: tuple[float, float]
 ) -> pd.DataFrame:
+    """What the camera saw of parts of a motion: (trial, t, pose of the body on the surface) each."""
     trial = np.concatenate([np.full(len(t), trial) for trial, t, _ in samples])
     t, pose = np.concatenate([t for _, t, _ in samples]), np.concatenate([pose for *_, pose in samples], axis=1)
     true = State(pose, np.zeros((6, len(t))), trial, t, None, SPACE)

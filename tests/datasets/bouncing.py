@@ -12,6 +12,8 @@ import pandas as pd
 
 from thesis_lib.datasets.format.header import Header
 
+MAX_HITS, SHORTEST = 12, 0.03  # of a record; s
+
 
 @dataclass
 class Flights:
@@ -30,15 +32,11 @@ class Flights:
 
     def room(self) -> np.ndarray:
         """Samples (n_hits, 2) in the flights before and after each hit."""
-        key = self.hit_trial * 1e3 + self.hit_t
-        samples = self.trial * 1e3 + self.t
+        at = np.searchsorted(self.trial * 1e3 + self.t, self.hit_trial * 1e3 + self.hit_t)
+        begin, end = (np.searchsorted(self.trial, self.hit_trial, side) for side in ("left", "right"))
         same = np.diff(self.hit_trial) == 0
-        start = np.r_[-np.inf, np.where(same, key[:-1], -np.inf)]
-        end = np.r_[np.where(same, key[1:], np.inf), np.inf]
-        start = np.maximum(start, self.hit_trial * 1e3 - 1)
-        end = np.minimum(end, self.hit_trial * 1e3 + 999)
-        count = lambda a, b: np.searchsorted(samples, b) - np.searchsorted(samples, a)  # noqa: E731
-        return np.stack([count(start, key), count(key, end)], 1)
+        begin[1:][same], end[:-1][same] = at[:-1][same], at[1:][same]
+        return np.stack([at - begin, end - at], 1)
 
     def nearest(self, trial: np.ndarray, t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Index (n,) of the true hit nearest to each instant, and how far off it is in s."""
@@ -53,13 +51,8 @@ class Flights:
 
 def ellipse_header(**changes: object) -> Header:
     """Header of the chapter's ellipse, 70 x 50 mm, sampled at 250 Hz; surface at 12 mm so that it matters."""
-    base = {
-        "schema": 1,
-        "body": {"shape": {"kind": "ellipse", "semi_axes": [0.035, 0.025]}, "radius_of_gyration": 0.0192},
-        "surface": {"height": 0.012},
-        "gravity": 9.81,
-        "rate": 250.0,
-    }
+    body = {"shape": {"kind": "ellipse", "semi_axes": [0.035, 0.025]}, "radius_of_gyration": 0.0192}
+    base = {"schema": 1, "body": body, "surface": {"height": 0.012}, "gravity": 9.81, "rate": 250.0}
     return Header.model_validate(base | changes)
 
 
@@ -70,12 +63,10 @@ def fly(
     samples: int = 150,
     position: float = 3e-4,
     angle: float = 3e-3,
-    max_hits: int = 12,
-    shortest: float = 0.03,
 ) -> Flights:
     """Drop the body `trials` times from about 0.3 m with random velocity, spin, ε and ρ.
 
-    A record ends before the first flight `shortest` (s) or less: no rest, no Zeno sequence.
+    A record ends before the first flight of `SHORTEST` or less: no rest, no Zeno sequence.
     """
     shape, k2, g, height = (header.body.shape, header.body.radius_of_gyration**2, header.gravity, header.surface.height)
     q = np.stack(
@@ -84,7 +75,6 @@ def fly(
     v = np.stack([rng.uniform(-0.8, 0.8, trials), rng.uniform(-1.5, 0, trials), rng.uniform(-15, 15, trials)], 1)
     epsilon, rho = rng.uniform(0.5, 0.9, trials), rng.uniform(-0.2, 1.0, trials)
     start, end = rng.uniform(0, 4e-3, trials), samples / header.rate  # the clock is not tied to the fall
-    time = np.zeros(trials)
     grid = np.arange(samples) / header.rate
     poses = np.zeros((trials, samples, 3))
     rows = np.arange(trials)
@@ -101,7 +91,7 @@ def fly(
 
     time = -start
     alive = np.ones(trials, bool)
-    for _ in range(max_hits + 1):
+    for _ in range(MAX_HITS + 1):
         # fill what lies after this release; later flights overwrite it
         dt = grid - time[:, None]
         ahead = (dt >= 0) & alive[:, None]
@@ -124,7 +114,7 @@ def fly(
         if not len(i):
             break
         a, b = low[i], high[i]
-        tired = a < shortest
+        tired = a < SHORTEST
         stop[i[tired]] = time[i[tired]] + a[tired] - 1e-3
         alive[i[tired]] = False
         i, a, b = i[~tired], a[~tired], b[~tired]
@@ -139,25 +129,15 @@ def fly(
         q[i], v[i] = q_hit, post
         hits.append((i, time[i].copy(), q_hit, pre, post))
     trial, t, hq, hv, hw = (np.concatenate(c) for c in zip(*hits))
-    stop[alive] = np.minimum(stop[alive], time[alive])  # max_hits reached
+    stop[alive] = np.minimum(stop[alive], time[alive])  # MAX_HITS reached
     recorded = (grid < stop[:, None]).ravel()
     keep = t < grid[-1]
     order = np.lexsort((t, trial))
     order = order[keep[order]]
     exact = poses.reshape(-1, 3)
     noise = rng.normal(size=exact.shape) * [position, position, angle]
-    return Flights(
-        header,
-        np.repeat(rows, samples)[recorded],
-        np.tile(grid, trials)[recorded],
-        (exact + noise)[recorded],
-        exact[recorded],
-        trial[order],
-        t[order],
-        hq[order],
-        hv[order],
-        hw[order],
-    )
+    seen, hit = (np.repeat(rows, samples), np.tile(grid, trials), exact + noise, exact), (trial, t, hq, hv, hw)
+    return Flights(header, *(column[recorded] for column in seen), *(column[order] for column in hit))
 
 
 def bounce(v: np.ndarray, r: np.ndarray, k2: float, epsilon: np.ndarray, rho: np.ndarray) -> np.ndarray:

@@ -29,7 +29,6 @@ def write_motive(
     units: str = "Meters",
     lost: float = 0.0,
     others: bool = True,
-    rate: float = 250.0,
 ) -> Path:
     """A CSV export of Motive 2 and 3 with the rigid body "plate"; with `others` a second body, and markers."""
     n, scale = len(recorded.t), {"Meters": 1.0, "Centimeters": 100.0, "Millimeters": 1e3}[units]
@@ -54,7 +53,7 @@ def write_motive(
                 ("Rigid Body Marker", name, f"1.{k}", "Position", axis, m[:, i]) for i, axis in enumerate("XYZ")
             ]
     head = ["Format Version", "1.23", "Take Name", "Take 2026-03-01, drops", "Take Notes", ""]
-    head += ["Capture Frame Rate", f"{rate:.6f}", "Export Frame Rate", f"{rate:.6f}"]
+    head += ["Capture Frame Rate", "250.000000", "Export Frame Rate", "250.000000"]
     head += ["Capture Start Time", "2026-03-01 03.27.28.000 PM", "Capture Start Frame", "0"]
     head += ["Total Frames in Take", str(n), "Total Exported Frames", str(n)]
     head += ["Rotation Type", rotation, "Length Units", units, "Coordinate Space", "Global"]
@@ -74,9 +73,7 @@ def write_motive(
 MARKERS = np.array([[0.03, 0.01, 0.005], [-0.02, 0.025, 0.005], [-0.01, -0.03, 0.005], [0.02, -0.02, 0.012]])
 
 
-def write_vicon(
-    recorded: Take, path: Path, kind: str = "XYZ", lost: float = 0.0, delimiter: str = ",", others: bool = False
-) -> Path:
+def write_vicon(recorded: Take, path: Path, kind: str = "XYZ", lost: float = 0.0, delimiter: str = ",") -> Path:
     """An ASCII export of Nexus: a block of segments (with rotations of a `kind`), then one of markers.
 
     `kind` is XYZ, helical or quaternion; with "markers" the block of segments is left out.
@@ -98,20 +95,10 @@ def write_vicon(
             "quaternion": lambda: (rotation.as_quat(), ["RX", "RY", "RZ", "RW"], [""] * 4),
         }[kind]()
         names = ["plate:plate", *[""] * (len(axes) + 2)]
-        axes, units, values = axes + ["TX", "TY", "TZ"], units + ["mm"] * 3, np.c_[turn, place]
-        if others:
-            names, axes, units = names + ["rod:rod", *[""] * (len(axes) - 1)], 2 * axes, 2 * units
-            values = np.c_[values, np.full_like(values, 0.5)]
-        block("Segments", names, axes, units, values)
+        block("Segments", names, axes + ["TX", "TY", "TZ"], units + ["mm"] * 3, np.c_[turn, place])
     markers = [place + rotation.apply(1e3 * offset) for offset in MARKERS]
     names = [cell for k in range(len(MARKERS)) for cell in (f"plate:m{k + 1}", "", "")]
-    block(
-        "Trajectories",
-        names,
-        ["X", "Y", "Z"] * len(MARKERS),
-        ["mm"] * 3 * len(MARKERS),
-        np.concatenate(markers, axis=1),
-    )
+    block("Trajectories", names, ["X", "Y", "Z"] * len(MARKERS), ["mm"] * len(names), np.concatenate(markers, axis=1))
     path.write_text("\n".join(lines).replace(",", delimiter) + "\n")
     return path
 
@@ -157,12 +144,8 @@ def write_optitrack(recorded: Take, path: Path, left: bool = False, word: str = 
     if left:
         turned, place = turned * [-1.0, -1.0, 1.0, 1.0], place * [1.0, 1.0, -1.0]
     lines = ['comment,"OptiTrack Export Data"', "lefthanded" if left else "righthanded", "info,version,1.1"]
-    lines += [
-        f"info,framecount,{len(turned)}",
-        f"info,{word}count,2",
-        f'{word},"rod",2,3,0,0,0',
-        f'{word},"plate",1,3,0',
-    ]
+    lines += [f"info,framecount,{len(turned)}", f"info,{word}count,2"]
+    lines += [f'{word},"rod",2,3,0,0,0', f'{word},"plate",1,3,0']
     for i, gone in enumerate(recorded.lose(lost)):
         still = ["2", "1.0", "2.0", "3.0", "0", "0", "0", "1", "0", "0", "0"]
         seen = ["1", *(f"{value:.6f}" for value in (*place[i], *turned[i])), "0", "0", "0"]
@@ -274,46 +257,42 @@ def write_bag(
         return types["geometry_msgs/msg/Quaternion"](x=float(q[0]), y=float(q[1]), z=float(q[2]), w=float(q[3]))
 
     def made(ns: int, number: int, p, q):
-        pose = types["geometry_msgs/msg/Pose"](position=point(p), orientation=turn(q))
+        both = {"plate": (p, q), "rod": (np.ones(3), [0.0, 0.0, 0.0, 1.0])}
+        pose = types["geometry_msgs/msg/Pose"]
+        named = {n: pose(position=point(place), orientation=turn(turned)) for n, (place, turned) in both.items()}
+        head, pose = header(ns, number), named["plate"]
         if message == "Pose":
             return pose
         if message == "PoseStamped":
-            return types[name](header=header(ns, number), pose=pose)
+            return types[name](header=head, pose=pose)
         if message == "Odometry":
             whole = types["geometry_msgs/msg/PoseWithCovariance"](pose=pose, covariance=np.zeros(36))
-            still = types["geometry_msgs/msg/Twist"](
-                linear=point(np.zeros(3), "Vector3"), angular=point(np.zeros(3), "Vector3")
-            )
+            zero = point(np.zeros(3), "Vector3")
+            still = types["geometry_msgs/msg/Twist"](linear=zero, angular=zero)
             moves = types["geometry_msgs/msg/TwistWithCovariance"](twist=still, covariance=np.zeros(36))
-            return types[name](header=header(ns, number), child_frame_id="plate", pose=whole, twist=moves)
+            return types[name](header=head, child_frame_id="plate", pose=whole, twist=moves)
         if message == "Twist":
             return types[name](linear=point(p, "Vector3"), angular=point(p, "Vector3"))
         if message == "PointStamped":
-            return types[name](header=header(ns, number), point=point(p))
-        rod = types["geometry_msgs/msg/Pose"](position=point(np.ones(3)), orientation=turn([0.0, 0.0, 0.0, 1.0]))
-        named = {"plate": pose, "rod": rod}
+            return types[name](header=head, point=point(p))
         if message == "PoseArray":
-            return types[name](header=header(ns, number), poses=list(named.values()))
+            return types[name](header=head, poses=list(named.values()))
         if message == "NamedPoseArray":
             one = types["motion_capture_tracking_interfaces/msg/NamedPose"]
-            return types[name](header=header(ns, number), poses=[one(name=n, pose=at) for n, at in named.items()])
+            return types[name](header=head, poses=[one(name=n, pose=at) for n, at in named.items()])
         if message == "RigidBodies":
             one = types["mocap4r2_msgs/msg/RigidBody"]
             bodies = [one(rigid_body_name=n, markers=[], pose=at) for n, at in named.items()]
-            return types[name](header=header(ns, number), frame_number=number, rigidbodies=bodies)
+            return types[name](header=head, frame_number=number, rigidbodies=bodies)
         if message == "AlvarMarkers":
             one, empty = types["ar_track_alvar_msgs/msg/AlvarMarker"], types["geometry_msgs/msg/PoseStamped"]
-            markers = [
-                one(header=header(ns, number), id=7 + i, confidence=0, pose=empty(header=header(0, 0), pose=at))
-                for i, at in enumerate(named.values())
-            ]
-            return types[name](header=header(ns, number), markers=markers)
-        both = []
-        for child, place, rotation in (("plate", p, q), ("rod", np.ones(3), np.array([0.0, 0.0, 0.0, 1.0]))):
-            shift = types["geometry_msgs/msg/Transform"](translation=point(place, "Vector3"), rotation=turn(rotation))
-            kind = types["geometry_msgs/msg/TransformStamped"]
-            both.append(kind(header=header(ns, number), child_frame_id=child, transform=shift))
-        return types[name](transforms=both) if message == "TFMessage" else both[0]
+            poses = [empty(header=header(0, 0), pose=at) for at in named.values()]
+            markers = [one(header=head, id=7 + i, confidence=0, pose=pose) for i, pose in enumerate(poses)]
+            return types[name](header=head, markers=markers)
+        shift, kind = types["geometry_msgs/msg/Transform"], types["geometry_msgs/msg/TransformStamped"]
+        moved = {n: shift(translation=point(at, "Vector3"), rotation=turn(turned)) for n, (at, turned) in both.items()}
+        frames = [kind(header=head, child_frame_id=n, transform=by) for n, by in moved.items()]
+        return types[name](transforms=frames) if message == "TFMessage" else frames[0]
 
     gone, start = recorded.lose(lost), 1_772_000_000_000_000_000
     folder = path.with_suffix("")

@@ -18,31 +18,17 @@ SQUARE = [[0.03, 0.03], [-0.03, 0.03], [-0.03, -0.03], [0.03, -0.03]]
 
 def header(**changes) -> dict:
     """dataset.yaml of a 60 mm square as a mapping."""
-    content = {
-        "schema": 1,
-        "description": "test",
-        "body": {"shape": {"kind": "polygon", "vertices": SQUARE}, "mass": 0.05, "radius_of_gyration": 0.0245},
-        "surface": {"height": 0.0},
-        "gravity": 9.81,
-        "rate": RATE,
-        "noise": {"position": 3.0e-4, "angle": 3.0e-3},
-    }
-    return content | changes
+    body = {"shape": {"kind": "polygon", "vertices": SQUARE}, "mass": 0.05, "radius_of_gyration": 0.0245}
+    content = {"schema": 1, "description": "test", "body": body, "surface": {"height": 0.0}, "gravity": 9.81}
+    return content | {"rate": RATE, "noise": {"position": 3.0e-4, "angle": 3.0e-3}} | changes
 
 
 def trajectories(trials: int = 3, samples: int = 40) -> pd.DataFrame:
     """Free flights: trial, t, x, y, theta."""
     trial, i = np.divmod(np.arange(trials * samples), samples)
     t = i / RATE
-    return pd.DataFrame(
-        {
-            "trial": trial,
-            "t": t,
-            "x": 0.1 * trial + 0.5 * t,
-            "y": 0.25 - 9.81 * t**2 / 2.0,
-            "theta": 0.3 + (2.0 + trial) * t,
-        }
-    )
+    x, y, theta = 0.1 * trial + 0.5 * t, 0.25 - 9.81 * t**2 / 2.0, 0.3 + (2.0 + trial) * t
+    return pd.DataFrame({"trial": trial, "t": t, "x": x, "y": y, "theta": theta})
 
 
 DISK = {"shape": {"kind": "disk", "radius": 0.03}, "radius_of_gyration": 0.021}
@@ -62,21 +48,9 @@ def impacts(trials: int = 12, per_trial: int = 2) -> pd.DataFrame:
     trial, impact = np.divmod(np.arange(trials * per_trial), per_trial)
     n = len(trial)
     theta = np.pi / 4.0 + 0.01 * np.cos(np.arange(n))
-    return pd.DataFrame(
-        {
-            "trial": trial,
-            "impact": impact,
-            "x": 0.01 * np.arange(n),
-            "y": 0.06 / np.sqrt(2.0),
-            "theta": theta,
-            "vx_pre": 0.5,
-            "vy_pre": -2.0,
-            "omega_pre": np.linspace(-3.0, 3.0, n),
-            "vx_post": 0.4,
-            "vy_post": 1.0,
-            "omega_post": np.linspace(-9.0, 9.0, n),
-        }
-    )
+    columns = {"trial": trial, "impact": impact, "x": 0.01 * np.arange(n), "y": 0.06 / np.sqrt(2.0), "theta": theta}
+    columns |= {"vx_pre": 0.5, "vy_pre": -2.0, "omega_pre": np.linspace(-3.0, 3.0, n)}
+    return pd.DataFrame(columns | {"vx_post": 0.4, "vy_post": 1.0, "omega_post": np.linspace(-9.0, 9.0, n)})
 
 
 def write(folder: Path, head: dict | str | None = None, **tables: pd.DataFrame | str) -> Path:

@@ -1,6 +1,5 @@
 """Small valid dataset folders of a body in space, for tests to break."""
 
-import io
 from pathlib import Path
 
 import numpy as np
@@ -13,15 +12,9 @@ BOX = {"kind": "box", "half_extents": [0.05, 0.04, 0.03]}
 
 def header(**changes) -> dict:
     """dataset.yaml of a box as a mapping; a key that is `None` is left out."""
-    content = {
-        "schema": 2,
-        "description": "test",
-        "body": {"shape": BOX, "mass": 0.25, "homogeneous": True},
-        "surface": {"point": [0.0, 0.0, 0.0], "normal": [0.0, 0.0, 1.0]},
-        "gravity": [0.0, 0.0, -9.81],
-        "rate": RATE,
-        "noise": {"position": 2e-4, "rotation": 3e-3},
-    } | changes
+    noise, surface = {"position": 2e-4, "rotation": 3e-3}, {"point": [0.0, 0.0, 0.0], "normal": [0.0, 0.0, 1.0]}
+    content = {"schema": 2, "description": "test", "body": body(), "surface": surface, "gravity": [0.0, 0.0, -9.81]}
+    content |= {"rate": RATE, "noise": noise} | changes
     return {key: value for key, value in content.items() if value is not None}
 
 
@@ -63,10 +56,8 @@ def mesh(half_extents=(0.05, 0.04, 0.03), suffix: str = "obj", closed: bool = Tr
     made = trimesh.creation.box(2.0 * np.array(half_extents))
     if not closed:
         made.update_faces(np.arange(12) > 0)
-    out = io.BytesIO()
     content = made.export(file_type=suffix)
-    out.write(content.encode() if isinstance(content, str) else content)
-    return out.getvalue()
+    return content.encode() if isinstance(content, str) else bytes(content)
 
 
 def write_mesh(folder: Path, name: str = "body.obj", **options) -> dict:

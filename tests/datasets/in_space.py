@@ -1,6 +1,6 @@
 """Recordings in space of simulated drops: one long take, a tilted plane, a hand between drops, noise, lost samples."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
@@ -32,9 +32,9 @@ class Take:
         """(n, 4), x y z w."""
         return self.rotation.as_quat()
 
-    def lose(self, share: float, seed: int = 5) -> np.ndarray:
+    def lose(self, share: float) -> np.ndarray:
         """Samples (n,) that the cameras lost: runs of one to six."""
-        rng, lost = np.random.default_rng(seed), np.zeros(len(self.t), dtype=bool)
+        rng, lost = np.random.default_rng(5), np.zeros(len(self.t), dtype=bool)
         for start in rng.choice(len(self.t), int(share * len(self.t) / 3.5), replace=False):
             lost[start : start + rng.integers(1, 7)] = True
         return lost
@@ -134,13 +134,3 @@ def take(
     jitter = Rotation.from_rotvec(noise * 2e-3 * rng.standard_normal((n, 3)))
     rotation = jitter * Rotation.from_quat(np.concatenate(turns))
     return Take(np.arange(n) / rate, position, rotation, np.concatenate(which), np.concatenate(flat), axes)
-
-
-def in_other_frame(recorded: Take, turn: Rotation) -> Take:
-    """The take in axes that are turned against those that it was made in."""
-    return replace(
-        recorded,
-        position=turn.apply(recorded.position),
-        rotation=turn * recorded.rotation,
-        axes=turn.apply(recorded.axes),
-    )

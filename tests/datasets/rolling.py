@@ -66,12 +66,9 @@ def table_header(rig: Rig, **changes: object) -> Header:
         "west": ([-a, 0], [1, 0]),
         "east": ([a, 0], [-1, 0]),
     }
-    base = {
-        "schema": 1,
-        "body": {"shape": {"kind": "disk", "radius": rig.radius}, "radius_of_gyration": rig.radius / np.sqrt(2.0)},
-        "surfaces": [{"name": name, "point": point, "normal": normal} for name, (point, normal) in walls.items()],
-        "gravity": 0.0,
-    }
+    surfaces = [{"name": name, "point": point, "normal": normal} for name, (point, normal) in walls.items()]
+    body = {"shape": {"kind": "disk", "radius": rig.radius}, "radius_of_gyration": rig.radius / np.sqrt(2.0)}
+    base = {"schema": 1, "body": body, "surfaces": surfaces, "gravity": 0.0}
     return Header.model_validate(base | changes)
 
 

@@ -20,24 +20,24 @@ from thesis_lib.foundation.errors import UserError
 ROOT = Path(__file__).resolve().parents[2]
 NOISE_FROM_FEW_ARCS = 0.25  # a dozen arcs of 20 samples know their noise to 5 %; four times that
 COLUMNS = "trial=run,t=time,x=X,y=Z,theta=angle"
+UNITS = ("--units", "mm,deg,ms")
 
 
 def rig(frame: pd.DataFrame, *, down: bool = False) -> pd.DataFrame:
     """The poses as a rig might log them: ms, mm, degrees, own names, a column more."""
-    return pd.DataFrame(
-        {
-            "run": frame["trial"],
-            "time": frame["t"] * 1e3,
-            "X": frame["x"] * 1e3,
-            "Z": frame["y"] * (-1e3 if down else 1e3),
-            "angle": np.degrees(frame["theta"]),
-            "quality": 1,
-        }
-    )
+    up = -1e3 if down else 1e3
+    log = {"run": frame["trial"], "time": frame["t"] * 1e3, "X": frame["x"] * 1e3, "Z": frame["y"] * up}
+    return pd.DataFrame(log | {"angle": np.degrees(frame["theta"]), "quality": 1})
 
 
 def init(tmp_path, *args: str) -> int:
     return main(["init", *args, "-o", str(tmp_path / "out"), "--shape", "square:0.06"])
+
+
+def log_of(tmp_path, table: pd.DataFrame, **how: str) -> str:
+    """The table as a file of a rig."""
+    table.to_csv(tmp_path / "log.csv", index=False, **how)
+    return str(tmp_path / "log.csv")
 
 
 def same_poses(tmp_path, expected: pd.DataFrame) -> None:
@@ -102,9 +102,8 @@ def test_check_refuses_a_surface_that_no_impact_touches(tmp_path, capsys):
 
 
 def test_check_warns_where_no_impact_is_found_or_none_can_be_used(tmp_path, capsys):
-    (text,) = check_json(write(tmp_path / "a", header(noise=None), trajectories=trajectories()), capsys)["detection"][
-        "warnings"
-    ]
+    folder = write(tmp_path / "a", header(noise=None), trajectories=trajectories())
+    (text,) = check_json(folder, capsys)["detection"]["warnings"]
     assert "No impact was found in 3 trials" in text
     frame = bouncing_disk(1)
     first = int((frame["y"].diff() > 0).idxmax())  # the record ends two samples after the first impact
@@ -125,8 +124,7 @@ def test_check_lists_problems_and_exits_with_2(tmp_path, capsys):
 
 def test_check_as_json(tmp_path, capsys):
     folder = write(tmp_path / "a", trajectories=trajectories().drop(index=5))
-    assert main(["check", str(folder), "--json"]) == 0
-    facts = json.loads(capsys.readouterr().out)
+    facts = check_json(folder, capsys)
     assert facts["valid"] and facts["trials"] == 3
     assert len(facts["warnings"]) == 1
     assert facts["trajectories"]["range"]["theta"][0] == pytest.approx(0.3)
@@ -160,8 +158,7 @@ def test_fetch_from_a_local_copy(tmp_path, capsys, raw_folder):
 def test_init_converts_units_names_and_says_what_it_left_out(tmp_path, capsys):
     log = rig(trajectories())
     log.loc[[7, 8], "X"] = np.nan
-    log.to_csv(tmp_path / "log.csv", index=False)
-    assert init(tmp_path, str(tmp_path / "log.csv"), "--units", "mm,deg,ms", "--columns", COLUMNS) == 0
+    assert init(tmp_path, log_of(tmp_path, log), *UNITS, "--columns", COLUMNS) == 0
     text = capsys.readouterr().out
     assert "note: columns left out: quality" in text
     assert "note: 2 of 120 rows left out" in text
@@ -183,7 +180,7 @@ def test_init_converts_units_names_and_says_what_it_left_out(tmp_path, capsys):
 def test_init_says_that_a_log_may_have_been_cut_off(tmp_path, capsys, last, said, rows):
     """Writing broke off: these cells stand in the last row, without a line break."""
     (tmp_path / "log.csv").write_text(rig(trajectories()).to_csv(index=False) + last)
-    assert init(tmp_path, str(tmp_path / "log.csv"), "--units", "mm,deg,ms", "--columns", COLUMNS) == 0
+    assert init(tmp_path, str(tmp_path / "log.csv"), *UNITS, "--columns", COLUMNS) == 0
     text = capsys.readouterr().out
     assert f"warning: log.csv, row 122: {said}" in text and "lost" not in text
     poses = read_dataset(tmp_path / "out").trajectories
@@ -191,16 +188,17 @@ def test_init_says_that_a_log_may_have_been_cut_off(tmp_path, capsys, last, said
     np.testing.assert_allclose(poses["x"][:120], trajectories()["x"], atol=1e-12)
 
 
-def test_init_numbers_the_rows_that_it_leaves_out(tmp_path, capsys):
-    files = []
-    for number, part in trajectories().groupby("trial"):
-        files.append(tmp_path / f"run{number}.csv")
-        part[["x", "y", "theta"]].to_csv(files[-1], index=False)
+def test_init_takes_a_file_for_each_trial_without_times_and_numbers_the_rows_that_it_leaves_out(tmp_path, capsys):
+    files = [tmp_path / f"run{number}.csv" for number in range(3)]
+    for file, (_, part) in zip(files, trajectories().groupby("trial")):
+        part[["x", "y", "theta"]].to_csv(file, index=False)
+    args = (*map(str, files), "--per-trial-files", "--rate", "250", "--force")
+    assert init(tmp_path, *args) == 0
+    same_poses(tmp_path, trajectories())
     lines = files[1].read_text().splitlines(keepends=True)
     lines[4] = "0.1,0.2\n"
     files[1].write_text("".join(lines[:3] + ["\n"] + lines[3:]))  # the blank line counts as a row
-    names = map(str, files)
-    assert init(tmp_path, *names, "--per-trial-files", "--rate", "250") == 0
+    assert init(tmp_path, *args) == 0
     assert "1 of 120 rows left out: a pose or time is empty, as where frames are lost (run1.csv row 6)" in (
         capsys.readouterr().out
     )
@@ -218,8 +216,7 @@ def test_init_refuses_rows_that_are_too_long_and_takes_a_delimiter_at_their_end(
 
 
 def test_init_with_a_shape_in_millimetres_names_the_option(tmp_path, capsys):
-    rig(trajectories()).to_csv(tmp_path / "log.csv", index=False)
-    args = [str(tmp_path / "log.csv"), "--units", "mm,deg,ms", "--columns", COLUMNS]
+    args = [log_of(tmp_path, rig(trajectories())), *UNITS, "--columns", COLUMNS]
     assert main(["init", *args, "-o", str(tmp_path / "out"), "--shape", "disk:30"]) == 2
     error = capsys.readouterr().err
     assert "--shape of the init command takes m" in error
@@ -227,17 +224,16 @@ def test_init_with_a_shape_in_millimetres_names_the_option(tmp_path, capsys):
 
 
 def test_init_flips_axes_and_reads_other_delimiters(tmp_path):
-    rig(trajectories(), down=True).to_csv(tmp_path / "log.csv", index=False, sep=";")
+    log = log_of(tmp_path, rig(trajectories(), down=True), sep=";")
     columns = COLUMNS.replace("y=Z", "y=-Z")
-    args = ["--units", "mm,deg,ms", "--columns", columns, "--delimiter", ";", "--mass", "0.05", "--k-g", "0.02"]
-    assert init(tmp_path, str(tmp_path / "log.csv"), *args) == 0
+    args = [*UNITS, "--columns", columns, "--delimiter", ";", "--mass", "0.05", "--k-g", "0.02"]
+    assert init(tmp_path, log, *args) == 0
     same_poses(tmp_path, trajectories())
     assert read_dataset(tmp_path / "out").k_g == 0.02
 
 
 def test_init_says_that_a_body_is_homogeneous(tmp_path, capsys):
-    rig(trajectories()).to_csv(tmp_path / "log.csv", index=False)
-    args = [str(tmp_path / "log.csv"), "--units", "mm,deg,ms", "--columns", COLUMNS]
+    args = [log_of(tmp_path, rig(trajectories())), *UNITS, "--columns", COLUMNS]
     assert init(tmp_path, *args, "--homogeneous", "0.003") == 0
     body = read_dataset(tmp_path / "out").header.body
     assert body.homogeneous and body.known("inertia") == pytest.approx(0.006)
@@ -248,21 +244,10 @@ def test_init_says_that_a_body_is_homogeneous(tmp_path, capsys):
     assert "off that of this shape of one density" in capsys.readouterr().err
 
 
-def test_init_takes_a_file_for_each_trial_without_times(tmp_path):
-    files = []
-    for number, part in trajectories().groupby("trial"):
-        files.append(str(tmp_path / f"run{number}.csv"))
-        part[["x", "y", "theta"]].to_csv(files[-1], index=False)
-    assert init(tmp_path, *files, "--per-trial-files", "--rate", "250") == 0
-    same_poses(tmp_path, trajectories())
-
-
 def test_init_numbers_named_trials_and_starts_their_clocks(tmp_path, capsys):
     frame = trajectories()
-    frame.assign(trial="run_" + frame["trial"].astype(str), t=frame["t"] + 1.7e9).to_csv(
-        tmp_path / "l.csv", index=False
-    )
-    assert init(tmp_path, str(tmp_path / "l.csv")) == 0
+    log = frame.assign(trial="run_" + frame["trial"].astype(str), t=frame["t"] + 1.7e9)
+    assert init(tmp_path, log_of(tmp_path, log)) == 0
     assert "0 = run_0, …, 2 = run_2" in capsys.readouterr().out
     poses = read_dataset(tmp_path / "out").trajectories
     np.testing.assert_allclose(poses["t"], frame["t"], atol=1e-6)  # the clock's own resolution at 1.7e9 s
@@ -271,22 +256,20 @@ def test_init_numbers_named_trials_and_starts_their_clocks(tmp_path, capsys):
 def test_init_makes_wrapped_degrees_continuous(tmp_path, capsys):
     frame = trajectories().assign(theta=lambda table: 60.0 * table["t"])
     log = frame.assign(theta=(np.degrees(frame["theta"]) + 180.0) % 360.0 - 180.0)
-    log.to_csv(tmp_path / "l.csv", index=False)
-    assert init(tmp_path, str(tmp_path / "l.csv"), "--units", "deg") == 0
+    assert init(tmp_path, log_of(tmp_path, log), "--units", "deg") == 0
     assert "theta made continuous" in capsys.readouterr().out
     same_poses(tmp_path, frame)
 
 
 def test_init_refuses_what_is_still_wrong_and_says_so(tmp_path, capsys):
-    rig(trajectories()).to_csv(tmp_path / "log.csv", index=False)
-    args = [str(tmp_path / "log.csv"), "--units", "deg,ms", "--columns", COLUMNS]
+    args = [log_of(tmp_path, rig(trajectories())), "--units", "deg,ms", "--columns", COLUMNS]
     assert init(tmp_path, *args) == 2
     error = capsys.readouterr().err
     assert "was written, but it is not usable yet" in error
     assert "column y: looks like millimetres" in error
     assert init(tmp_path, *args) == 2
     assert "already holds a dataset" in capsys.readouterr().err
-    assert init(tmp_path, *args, "--units", "mm,deg,ms", "--force") == 0
+    assert init(tmp_path, *args, *UNITS, "--force") == 0
 
 
 @pytest.mark.parametrize(
@@ -304,8 +287,7 @@ def test_init_refuses_what_is_still_wrong_and_says_so(tmp_path, capsys):
     ],
 )
 def test_init_mistakes(tmp_path, capsys, args, message):
-    rig(trajectories()).assign(word="abc").to_csv(tmp_path / "log.csv", index=False)
-    assert init(tmp_path, str(tmp_path / "log.csv"), *args) == 2
+    assert init(tmp_path, log_of(tmp_path, rig(trajectories()).assign(word="abc")), *args) == 2
     assert message in capsys.readouterr().err
     assert not (tmp_path / "out").exists()
 

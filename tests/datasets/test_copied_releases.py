@@ -68,6 +68,5 @@ def test_reading_a_dataset_says_so(rng):
     table = pd.concat([table, moved(table[table["trial"] == 3]).assign(trial=12)], ignore_index=True)
     ball = {"shape": {"kind": "sphere", "radius": 0.03}, "mass": 0.1, "homogeneous": True}
     warnings = dataset_of(header(body=ball, surface=None), trajectories=table).warnings
-    assert any(
-        "1 releases are copies of others, cut, resampled, mirrored or moved: trial 12 of 3" in w.what for w in warnings
-    )
+    said = "1 releases are copies of others, cut, resampled, mirrored or moved: trial 12 of 3"
+    assert any(said in warning.what for warning in warnings)

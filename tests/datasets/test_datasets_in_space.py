@@ -204,33 +204,33 @@ def test_a_hollow_mesh_has_the_inertia_of_the_mesh_and_rounds_its_hull(tmp_path)
     np.testing.assert_allclose(corner, np.array([0.045, 0.035, 0.025]) + 0.005 / np.sqrt(3.0), atol=1e-7)
 
 
-@pytest.mark.parametrize("outside", ["link", "parent", "text", "nothing", "flat", "suffix", "large", "folder"])
-def test_meshes_that_are_refused(tmp_path, outside, monkeypatch):
-    folder, shape = tmp_path / "drops", {"kind": "mesh", "file": "body.obj"}
+@pytest.mark.parametrize(
+    ("place", "said"),
+    [
+        (lambda path: path.symlink_to("../secret.obj"), "is a link"),
+        (lambda path: None, "does not exist"),
+        (lambda path: path.write_text("v 0 0 nan\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"), "cannot be read as a mesh"),
+        (lambda path: path.write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nv 1 1 0\nf 1 2 3\nf 1 2 4\n"), "lie in a plane"),
+        (lambda path: path.write_bytes(mesh()), "the limit is 100"),
+        (lambda path: path.mkdir(), "is a folder"),
+    ],
+    ids=["link", "nothing", "text", "flat", "large", "folder"],
+)
+def test_meshes_that_are_refused(tmp_path, place, said, monkeypatch):
+    monkeypatch.setattr("thesis_lib.bodies.mesh.MAX_BYTES", 100)
     write_mesh(tmp_path, "secret.obj")
-    write(folder, header(body=body(shape=shape)), trajectories=trajectories())
-    path, said = folder / "body.obj", "does not exist"
-    if outside == "link":
-        path.symlink_to(tmp_path / "secret.obj")
-        said = "is a link"
-    elif outside in ("parent", "suffix"):
-        name = "../secret.obj" if outside == "parent" else "dataset.yaml"
-        write(folder, header(body=body(shape=shape | {"file": name})))
-        said = "must be the name of a file .obj or .stl in the folder of the dataset"
-    elif outside == "text":
-        path.write_text("v 0 0 nan\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
-        said = "cannot be read as a mesh"
-    elif outside == "flat":
-        path.write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nv 1 1 0\nf 1 2 3\nf 1 2 4\n")
-        said = "lie in a plane"
-    elif outside == "large":
-        path.write_bytes(mesh())
-        monkeypatch.setattr("thesis_lib.bodies.mesh.MAX_BYTES", 100)
-        said = "the limit is 100"
-    elif outside == "folder":
-        path.mkdir()
-        said = "is a folder"
+    shape = {"kind": "mesh", "file": "body.obj"}
+    folder = write(tmp_path / "drops", header(body=body(shape=shape)), trajectories=trajectories())
+    place(folder / "body.obj")
     assert said in only(folder)
+
+
+@pytest.mark.parametrize("name", ["../secret.obj", "dataset.yaml"])
+def test_meshes_that_cannot_be_meant_are_refused(tmp_path, name):
+    write_mesh(tmp_path, "secret.obj")
+    head = header(body=body(shape={"kind": "mesh", "file": name}))
+    said = only(write(tmp_path / "drops", head, trajectories=trajectories()))
+    assert "must be the name of a file .obj or .stl in the folder of the dataset" in said
 
 
 def test_an_open_mesh_cannot_be_homogeneous_and_one_without_a_centre_neither(tmp_path):

@@ -31,8 +31,9 @@ def rng() -> np.random.Generator:
     return np.random.default_rng(4)
 
 
-def some_states(rng, n: int = 20) -> State:
+def some_states(rng) -> State:
     """Bodies anywhere: place of the centre of mass, attitude of S."""
+    n = 20
     q = Rotation.random(n, rng=rng).as_quat(scalar_first=True)
     pose = np.concatenate([rng.standard_normal((n, 3)), q], axis=1)
     return State.of(pose, rng.standard_normal((n, 6)), np.arange(n), np.zeros(n), space=SPACE)

@@ -13,6 +13,8 @@ from thesis_lib.datasets.space.flights import too_slow
 
 Q = ["qw", "qx", "qy", "qz"]
 SHAPE = ["--shape", "box:0.1,0.08,0.06"]
+XYZW = ["--quaternion", "xyzw", *SHAPE]
+NAMED = ["--quaternion", "wxyz", "--columns", "q1=qw,q2=qx,q3=qy,q4=qz", *SHAPE]
 
 
 def init(tmp_path, frame, *options: str) -> tuple[int, object]:
@@ -24,9 +26,7 @@ def init(tmp_path, frame, *options: str) -> tuple[int, object]:
 @pytest.mark.slow
 def test_tosses_stay_in_space(tmp_path, capsys):
     frame = flights(trials=12)
-    code, made = init(
-        tmp_path, frame, "--quaternion", "wxyz", "--columns", "q1=qw,q2=qx,q3=qy,q4=qz", *SHAPE, "--mass", "0.25"
-    )
+    code, made = init(tmp_path, frame, *NAMED, "--mass", "0.25")
     assert code == 0 and made.warnings == () and made.header.body.mass == 0.25
     assert made.header.body.homogeneous and made.shape.half_extents == (0.05, 0.04, 0.03)
     np.testing.assert_allclose(made.trajectories[["t", "x", "y", "z"]], frame[["t", "x", "y", "z"]], atol=1e-12)
@@ -47,9 +47,8 @@ def test_of_several_bodies_in_a_table_one_is_named(tmp_path, capsys, form):
     else:
         parts = [(frame, "brick"), (still, "table")]
         names = [[f"{name}_{c}" if form == "before" else f"{c}.{name}" for c in pose] for _, name in parts]
-        log = pd.concat(
-            [frame[["trial", "t"]], *(p[pose].set_axis(n, axis=1) for (p, _), n in zip(parts, names))], axis=1
-        )
+        poses = [p[pose].set_axis(n, axis=1) for (p, _), n in zip(parts, names)]
+        log = pd.concat([frame[["trial", "t"]], *poses], axis=1)
     assert init(tmp_path, log, *options)[0] == 2
     said = capsys.readouterr().err
     assert "brick, table" in said and "say which with --body NAME" in said.replace("Say", "say")
@@ -65,12 +64,12 @@ def test_units_and_the_axis_that_is_up_are_found_or_given(tmp_path, capsys):
     frame = flights(trials=12)
     log = frame.assign(x=1e3 * frame["y"], y=1e3 * frame["z"], z=1e3 * frame["x"])
     log[Q] = frame[["qw", "qy", "qz", "qx"]]  # axes renamed x y z -> z x y
-    code, made = init(tmp_path, log, "--quaternion", "xyzw", "--units", "mm", *SHAPE)
+    code, made = init(tmp_path, log, *XYZW, "--units", "mm")
     assert code == 0 and "note: up is (" in capsys.readouterr().out
     np.testing.assert_allclose(made.header.gravity, [0.0, -9.81, 0.0], atol=0.2)
-    code, made = init(tmp_path, log, "--quaternion", "xyzw", "--units", "mm", "--up", "y", "--force", *SHAPE)
+    code, made = init(tmp_path, log, *XYZW, "--units", "mm", "--up", "y", "--force")
     assert made.header.gravity == (0.0, -9.81, 0.0) and made.header.planes[0][1].tolist() == [0.0, 1.0, 0.0]
-    assert init(tmp_path, log, "--quaternion", "xyzw", "--units", "mm", "--up", "x", "--force", *SHAPE)[0] == 2
+    assert init(tmp_path, log, *XYZW, "--units", "mm", "--up", "x", "--force")[0] == 2
     assert "free flights with --up y" in capsys.readouterr().err
 
 
@@ -79,7 +78,7 @@ def test_one_fall_among_many_trials_does_not_say_where_up_is(tmp_path, capsys):
     still = frame["trial"] > 0
     frame.loc[still, ["x", "y", "z"]] = 2e-4 * np.random.default_rng(0).standard_normal((int(still.sum()), 3))
     log = frame.rename(columns={"x": "y", "y": "z", "z": "x"})
-    assert init(tmp_path, log, "--quaternion", "xyzw", *SHAPE)[0] == 2
+    assert init(tmp_path, log, *XYZW)[0] == 2
     assert "there are 1 free flights with --up x" in capsys.readouterr().err
 
 
@@ -98,9 +97,8 @@ def test_where_the_orientation_is_lost_the_position_stays(tmp_path, capsys, lost
     frame.loc[rows, Q] = lost
     gone = frame.index[frame["trial"] == 3][20:24]
     frame.loc[gone, [*Q, "x", "y", "z"]] = lost  # the body itself
-    options = ["--quaternion", "wxyz", "--columns", "q1=qw,q2=qx,q3=qy,q4=qz", *SHAPE]
     log = frame.assign(t=frame["t"] + 2.0 * frame["trial"]).drop(columns="trial") if cut else frame
-    code, made = init(tmp_path, log, *options)
+    code, made = init(tmp_path, log, *NAMED)
     assert code == 0 and f"{rows.sum() - rows[gone].sum()} of {len(frame)} samples have a position and no" in (
         capsys.readouterr().out
     )
@@ -178,20 +176,15 @@ def test_an_open_mesh_needs_what_is_believed_of_its_mass(tmp_path, capsys):
 
 
 def test_what_is_too_slow_for_flights_is_refused_with_that_reason(tmp_path, capsys):
-    slow = flights(trials=12).iloc[::8]
-    assert init(tmp_path, slow, "--quaternion", "xyzw", *SHAPE, "--up", "-x", "--tracked", "shape")[0] == 2
-    assert (
-        "At 30 Hz a flight has few samples, and two hits often lie within one step (33 ms)" in capsys.readouterr().err
-    )
+    slow, options = flights(trials=12).iloc[::8], [*XYZW, "--tracked", "shape", "--force"]
+    assert init(tmp_path, slow, *options, "--up", "-x")[0] == 2
+    said = capsys.readouterr().err
+    assert "At 30 Hz a flight has few samples, and two hits often lie within one step (33 ms)" in said
     assert too_slow(60.0) == ""
     # heights that were smoothed fall slower than anything that is let go
-    smooth = slow.assign(
-        z=slow.groupby("trial")["z"].transform(lambda z: z.rolling(9, center=True, min_periods=1).mean())
-    )
-    for table, is_smoothed in ((slow, False), (smooth, True)):
-        assert (
-            init(tmp_path, table, "--force", "--quaternion", "xyzw", *SHAPE, "--up", "x", "--tracked", "shape")[0] == 2
-        )
+    z = slow.groupby("trial")["z"].transform(lambda z: z.rolling(9, center=True, min_periods=1).mean())
+    for table, is_smoothed in ((slow, False), (slow.assign(z=z), True)):
+        assert init(tmp_path, table, *options, "--up", "x")[0] == 2
         said = capsys.readouterr().err
         assert ("the positions were smoothed" in said) == is_smoothed, said
 
@@ -209,6 +202,6 @@ def test_one_long_recording_is_cut_into_tosses(tmp_path):
     log = pd.concat(parts).drop(columns="trial")
     log["t"] += 2000.0
     log["t"] = log["t"].map("{:.7g}".format)  # to milliseconds
-    code, made = init(tmp_path, log, "--quaternion", "xyzw", *SHAPE)
+    code, made = init(tmp_path, log, *XYZW)
     assert code == 0 and len(made.trials) == 12
     assert abs(made.rate - 240.0) < 0.2

@@ -4,15 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from tests.datasets.exports import (
-    MARKERS,
-    write_bag,
-    write_motive,
-    write_optitrack,
-    write_qualisys,
-    write_table,
-    write_vicon,
-)
+from tests.datasets import exports
 from tests.datasets.in_space import Take, take
 from thesis_lib.commands.datasets import main
 from thesis_lib.datasets import read_dataset
@@ -39,11 +31,10 @@ def init(folder, *args: str) -> int:
     return main(["init", *map(str, args), "-o", str(folder / "out"), *SHAPE])
 
 
-def same_drops(folder, recorded: Take, dropped: tuple[int, ...] = (), position: float = SAME_POSITION) -> None:
+def same_drops(folder, recorded: Take, position: float = SAME_POSITION) -> None:
     """The dataset holds the drops that were simulated, in the plane: each sample at the pose that it had there."""
     poses = read_dataset(folder / "out").trajectories
-    trials = [number for number in range(int(recorded.drop.max()) + 1) if number not in dropped]
-    assert sorted(set(poses["trial"])) == trials
+    assert sorted(set(poses["trial"])) == list(range(int(recorded.drop.max()) + 1))
     cuts = pd.read_csv(folder / "out" / "cuts.csv").set_index("trial")
     mirror = None
     for trial, part in poses.groupby("trial"):
@@ -62,7 +53,7 @@ def same_drops(folder, recorded: Take, dropped: tuple[int, ...] = (), position: 
 
 
 def test_a_table_with_quaternions(tmp_path, recorded, capsys):
-    log = write_table(recorded, tmp_path / "log.csv", order="wxyz", scale=1e3, lost=0.02)
+    log = exports.write_table(recorded, tmp_path / "log.csv", order="wxyz", scale=1e3, lost=0.02)
     assert init(tmp_path, log, "--quaternion", "wxyz", "--units", "mm", *TABLE) == 0
     text = capsys.readouterr().out
     same_drops(tmp_path, recorded)
@@ -82,7 +73,7 @@ def test_a_table_with_quaternions(tmp_path, recorded, capsys):
     ],
 )
 def test_an_export_of_motive(tmp_path, recorded_y_up, rotation, units):
-    log = write_motive(recorded_y_up, tmp_path / "take.csv", rotation, units, lost=0.02)
+    log = exports.write_motive(recorded_y_up, tmp_path / "take.csv", rotation, units, lost=0.02)
     assert init(tmp_path, log, "--body", "plate") == 0
     same_drops(tmp_path, recorded_y_up)
 
@@ -91,18 +82,20 @@ def test_an_export_of_motive(tmp_path, recorded_y_up, rotation, units):
     "kind", ["XYZ", *(pytest.param(kind, marks=pytest.mark.slow) for kind in ("helical", "quaternion"))]
 )
 def test_an_export_of_vicon(tmp_path, recorded, kind):
-    log = write_vicon(recorded, tmp_path / "trial.csv", kind, lost=0.02, delimiter=";" if kind == "XYZ" else ",")
+    log = exports.write_vicon(
+        recorded, tmp_path / "trial.csv", kind, lost=0.02, delimiter=";" if kind == "XYZ" else ","
+    )
     assert init(tmp_path, log, *(["--rotation", "helical"] if kind == "helical" else [])) == 0
     same_drops(tmp_path, recorded)
 
 
 def test_an_export_of_markers_alone(tmp_path, recorded, capsys):
     """The frame of the markers is that of the recording, about their mean: --frame says where the body is in it."""
-    log = write_vicon(recorded, tmp_path / "trial.csv", "markers", lost=0.02)
+    log = exports.write_vicon(recorded, tmp_path / "trial.csv", "markers", lost=0.02)
     drop = recorded.drop == 0
     angle = float(recorded.planar[drop][0, 2])  # held so from the first frame on, and the plane's x is near the room's
     cos, sin = np.cos(angle), np.sin(angle)
-    x, y = -MARKERS[:, :2].mean(axis=0) @ np.array([[cos, sin], [-sin, cos]])
+    x, y = -exports.MARKERS[:, :2].mean(axis=0) @ np.array([[cos, sin], [-sin, cos]])
     assert init(tmp_path, log, "--frame", f"{x:.5f},{y:.5f},{np.degrees(angle):.3f}") == 0
     assert "the body is made of 4 markers" in capsys.readouterr().out
     same_drops(tmp_path, recorded, position=2e-3)  # they are 7 mm in front of the plane, which is tilted by 4°
@@ -116,7 +109,7 @@ MORE_BAGS = [(".bag", "Odometry"), (".bag", "PoseStamped"), (".mcap", "TFMessage
     ("ending", "message"), [*BAGS, *(pytest.param(*bag, marks=pytest.mark.slow) for bag in MORE_BAGS)]
 )
 def test_a_bag_of_ros(tmp_path, recorded, ending, message):
-    bag = write_bag(recorded, tmp_path / f"drops{ending}", message, lost=0.02)
+    bag = exports.write_bag(recorded, tmp_path / f"drops{ending}", message, lost=0.02)
     assert init(tmp_path, bag, *(["--body", "plate"] if message == "TFMessage" else [])) == 0
     same_drops(tmp_path, recorded)
 
@@ -127,9 +120,8 @@ def test_a_planar_table_is_cut_on_demand(tmp_path, recorded, capsys):
     x, y, _ = recorded.axes
     theta = np.arctan2(np.einsum("i,nij,j->n", y, turn, [1.0, 0, 0]), np.einsum("i,nij,j->n", x, turn, [1.0, 0, 0]))
     flat = recorded.position @ np.stack([x, y]).T
-    pd.DataFrame({"t": recorded.t, "x": flat[:, 0], "y": flat[:, 1], "theta": theta}).to_csv(
-        tmp_path / "l.csv", index=False
-    )
+    log = pd.DataFrame({"t": recorded.t, "x": flat[:, 0], "y": flat[:, 1], "theta": theta})
+    log.to_csv(tmp_path / "l.csv", index=False)
     assert init(tmp_path, tmp_path / "l.csv", "--cut") == 0
     assert f"{DROPS} drops cut out" in capsys.readouterr().out
     same_drops(tmp_path, recorded)
@@ -146,16 +138,15 @@ def test_trials_are_those_of_the_log_and_of_its_files(tmp_path, recorded):
     assert init(tmp_path, tmp_path / "log.csv", "--quaternion", "xyzw") == 0
     whole = read_dataset(tmp_path / "out").trajectories
     assert len(whole) == during.sum()
-    files = []
-    for trial, part in table.groupby("trial"):
-        files.append(tmp_path / f"run{trial}.csv")
-        part.drop(columns="trial").to_csv(files[-1], index=False)
+    files = [tmp_path / f"run{trial}.csv" for trial in range(DROPS)]
+    for file, (_, part) in zip(files, table.groupby("trial")):
+        part.drop(columns="trial").to_csv(file, index=False)
     assert init(tmp_path, *files, "--quaternion", "xyzw", "--per-trial-files", "--force") == 0
     pd.testing.assert_frame_equal(read_dataset(tmp_path / "out").trajectories, whole, atol=1e-9)
 
 
 def test_trials_that_leave_the_plane_are_left_out_with_their_number(tmp_path, capsys):
-    log = write_table(take(DROPS, tumbling=(2, 5)), tmp_path / "log.csv")
+    log = exports.write_table(take(DROPS, tumbling=(2, 5)), tmp_path / "log.csv")
     assert init(tmp_path, log, "--quaternion", "xyzw", *TABLE) == 0
     text = capsys.readouterr().out
     assert f"2 of {DROPS} trials left out, leaves the plane: 2 (" in text and ", 5 (" in text
@@ -199,14 +190,14 @@ WRONG = [
 def logs(tmp_path_factory, recorded, recorded_y_up) -> dict:
     folder = tmp_path_factory.mktemp("logs")
     return {
-        "table": write_table(recorded, folder / "log.csv"),
-        "millimetres": write_table(recorded, folder / "mm.csv", scale=1e3),
-        "motive": write_motive(recorded_y_up, folder / "take.csv"),
-        "euler": write_motive(recorded_y_up, folder / "euler.csv", "ZYX", others=False),
-        "vicon": write_vicon(recorded, folder / "trial.csv"),
-        "bag": write_bag(recorded, folder / "drops.mcap", "TFMessage"),
-        "qualisys": write_qualisys(recorded, folder / "drops.tsv", times=False),
-        "optitrack": write_optitrack(recorded, folder / "old.csv"),
+        "table": exports.write_table(recorded, folder / "log.csv"),
+        "millimetres": exports.write_table(recorded, folder / "mm.csv", scale=1e3),
+        "motive": exports.write_motive(recorded_y_up, folder / "take.csv"),
+        "euler": exports.write_motive(recorded_y_up, folder / "euler.csv", "ZYX", others=False),
+        "vicon": exports.write_vicon(recorded, folder / "trial.csv"),
+        "bag": exports.write_bag(recorded, folder / "drops.mcap", "TFMessage"),
+        "qualisys": exports.write_qualisys(recorded, folder / "drops.tsv", times=False),
+        "optitrack": exports.write_optitrack(recorded, folder / "old.csv"),
     }
 
 

@@ -40,13 +40,9 @@ def test_every_single_throw_passes(dice, tmp_path):
         assert read_dataset(rewritten(dice, tmp_path, trajectories=part)).warnings == ()
 
 
-def test_dice_in_degrees(dice, tmp_path):
-    poses = dice.trajectories
-    assert "looks like degrees" in refusal(
-        rewritten(dice, tmp_path, trajectories=poses.assign(theta=poses["theta"] * DEG))
-    )
-    wrapped = (poses["theta"] * DEG + 180.0) % 360.0 - 180.0
-    assert "looks like degrees" in refusal(rewritten(dice, tmp_path, trajectories=poses.assign(theta=wrapped)))
+def test_dice_in_wrapped_degrees(dice, tmp_path):
+    wrapped = dice.trajectories.assign(theta=(dice.trajectories["theta"] * DEG + 180.0) % 360.0 - 180.0)
+    assert "looks like degrees" in refusal(rewritten(dice, tmp_path, trajectories=wrapped))
 
 
 def test_few_throws_in_degrees(dice, tmp_path):
@@ -66,9 +62,10 @@ def test_few_throws_in_degrees(dice, tmp_path):
         (("y",), 1000.0, "column y: looks like millimetres"),
         (("x", "y"), 100.0, "bodies fall at 96 times gravity"),
         (("y",), -1.0, "y must point up"),
+        (("theta",), DEG, "looks like degrees"),
     ],
 )
-def test_dice_in_wrong_lengths(dice, tmp_path, columns, factor, message):
+def test_dice_in_wrong_units(dice, tmp_path, columns, factor, message):
     poses = dice.trajectories.assign(**{name: dice.trajectories[name] * factor for name in columns})
     assert message in refusal(rewritten(dice, tmp_path, trajectories=poses))
 

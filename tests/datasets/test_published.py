@@ -3,32 +3,24 @@
 import functools
 import hashlib
 import http.server
-import io
 import json
 import threading
-import zipfile
 
 import numpy as np
 import pandas as pd
 import pytest
 
+from tests.fuzz.hostile import archive
 from thesis_lib.commands.datasets import main
 from thesis_lib.datasets import read_dataset
 from thesis_lib.datasets.sources import fetch, published
 from thesis_lib.datasets.sources.published import SOURCES, checksums, convert_published, find_source, local_file
 from thesis_lib.datasets.sources.published_tosses import EXPERIMENT
 from thesis_lib.foundation.errors import UserError
+from thesis_lib.foundation.provenance import file_sha256
 
 DICE = "x,z,th,vx,vz,vth\n" + "".join(f"0.{i},0.5,0.25,9,9,9\n" for i in range(10, 30))
 CONTACT_MISMATCH = 2e-3  # m; published contact points are one frame (1/250 s) before the published pose
-
-
-def zip_bytes(members: dict[str, bytes]) -> bytes:
-    buffer = io.BytesIO()
-    with zipfile.ZipFile(buffer, "w", zipfile.ZIP_DEFLATED) as zipped:
-        for name, content in members.items():
-            zipped.writestr(name, content)
-    return buffer.getvalue()
 
 
 @pytest.fixture
@@ -66,13 +58,9 @@ def serve(tmp_path):
     thread.join()
 
 
-def _sha(path) -> str:
-    return hashlib.sha256(path.read_bytes()).hexdigest()
-
-
-def serve_archive(serve, members):
-    repository, commit = SOURCES["planar_dice"].archive
-    serve(f"{repository}/zip/{commit}", zip_bytes(members))
+def serve_archive(serve, content: bytes, name: str = "planar_dice") -> str:
+    repository, commit = SOURCES[name].archive
+    serve(f"{repository}/zip/{commit}", content)
     return serve.url
 
 
@@ -157,12 +145,12 @@ def three_tosses(monkeypatch, tmp_path):
         [x * 0.05 / unit, y * 0.04 / unit, z * 0.03 / unit] for x in (1, -1) for y in (1, -1) for z in (1, -1)
     ]
     (folder.parent / "experiment.json").write_text(json.dumps(stated))
-    lines, poses = [f"{_sha(folder.parent / 'experiment.json')}  contactnets_cube/{EXPERIMENT}\n"], {}
+    lines, poses = [f"{file_sha256(folder.parent / 'experiment.json')}  contactnets_cube/{EXPERIMENT}\n"], {}
     for number in (0, 1, 4):
         pose = np.tile([0.1, 0.2, 0.3, 0.6, 0.0, 0.8, 0.0, 9.0, 9.0], (20, 1)) + 0.01 * number * np.eye(9)[0]
         torch.save(torch.tensor(pose[None]), folder / f"{number}.pt")
         poses[number] = pose
-        lines.append(f"{_sha(folder / f'{number}.pt')}  contactnets_cube/tosses_processed/{number}.pt\n")
+        lines.append(f"{file_sha256(folder / f'{number}.pt')}  contactnets_cube/tosses_processed/{number}.pt\n")
     lines += [f"{'0' * 64}  contactnets_cube/tosses_processed/{number}.pt\n" for number in (2, 3)]
     monkeypatch.setattr(published, "CHECKSUMS", tmp_path / "sums.txt")
     (tmp_path / "sums.txt").write_text("".join(lines))
@@ -252,7 +240,7 @@ def test_a_body_that_is_no_box_is_refused(three_tosses, tmp_path, monkeypatch):
     stated["vertices"][0][0] *= 1.1
     path.write_text(json.dumps(stated))
     lines = (tmp_path / "sums.txt").read_text().splitlines()[1:]
-    (tmp_path / "sums.txt").write_text("\n".join([f"{_sha(path)}  contactnets_cube/{EXPERIMENT}", *lines]))
+    (tmp_path / "sums.txt").write_text("\n".join([f"{file_sha256(path)}  contactnets_cube/{EXPERIMENT}", *lines]))
     with pytest.raises(UserError, match="not the corners of a box"):
         convert_published("contactnets_cube", tmp_path, tmp_path / "out")
 
@@ -261,15 +249,13 @@ def test_tosses_are_unpacked_from_the_archive_of_their_repository(three_tosses, 
     folder, _, _ = three_tosses
     content = {f"tosses_processed/{i}.pt": (folder / f"{i}.pt").read_bytes() for i in (0, 1, 4)}
     content[EXPERIMENT] = (folder.parent / "experiment.json").read_bytes()
-    source = SOURCES["contactnets_cube"]
-    repository, commit = source.archive
-    archive = zip_bytes({f"contact-nets-1/data/{file}": held for file, held in content.items()})
-    serve(f"{repository}/zip/{commit}", archive)
+    zipped = archive(*((f"contact-nets-1/data/{file}", held) for file, held in content.items()))
+    url = serve_archive(serve, zipped, "contactnets_cube")
     with pytest.raises(UserError, match="lacks 2 of 6 files"):  # an archive has all, or it is another one
-        fetch.fetch("contactnets-cube", tmp_path / "m", archive_host=serve.url)
-    (tmp_path / "archive.zip").write_bytes(archive)
+        fetch.fetch("contactnets-cube", tmp_path / "m", archive_host=url)
+    (tmp_path / "archive.zip").write_bytes(zipped)
     files = {file: tmp_path / "unpacked" / file for file in content}
-    fetch.unpack(tmp_path / "archive.zip", source, files)
+    fetch.unpack(tmp_path / "archive.zip", SOURCES["contactnets_cube"], files)
     assert {file: path.read_bytes() for file, path in files.items()} == content
 
 
@@ -277,7 +263,8 @@ def test_tosses_are_unpacked_from_the_archive_of_their_repository(three_tosses, 
 
 
 def test_archive_is_fetched_checked_and_converted(two_throws, serve, tmp_path):
-    url = serve_archive(serve, two_throws | {"repo-abc/big/mesh.bin": bytes(20_000_000), "repo-abc/README": b"x"})
+    members = two_throws | {"repo-abc/big/mesh.bin": bytes(20_000_000), "repo-abc/README": b"x"}
+    url = serve_archive(serve, archive(*members.items()))
     said = []
     folder = fetch.fetch("planar-dice", tmp_path / "m", say=said.append, archive_host=url)
     assert folder == tmp_path / "m" / "planar_dice"
@@ -312,7 +299,7 @@ def test_a_wrong_download_is_refused(serve, tmp_path):
     ids=["parent", "absolute", "backslash", "bomb"],
 )
 def test_unsafe_archives_are_refused(two_throws, serve, tmp_path, extra, message):
-    url = serve_archive(serve, two_throws | extra)
+    url = serve_archive(serve, archive(*(two_throws | extra).items()))
     before = {path for path in tmp_path.rglob("*") if path.is_file()}
     with pytest.raises(UserError) as caught:
         fetch.fetch("planar-dice", tmp_path / "m", archive_host=url)
@@ -321,11 +308,10 @@ def test_unsafe_archives_are_refused(two_throws, serve, tmp_path, extra, message
 
 
 def test_incomplete_or_broken_archives_are_refused(two_throws, serve, tmp_path):
-    url = serve_archive(serve, dict([next(iter(two_throws.items()))]))
+    url = serve_archive(serve, archive(next(iter(two_throws.items()))))
     with pytest.raises(UserError, match="lacks 1 of 2 files"):
         fetch.fetch("planar-dice", tmp_path / "m", archive_host=url)
-    repository, commit = SOURCES["planar_dice"].archive
-    serve(f"{repository}/zip/{commit}", zip_bytes(two_throws)[:-30])
+    serve_archive(serve, archive(*two_throws.items())[:-30])
     with pytest.raises(UserError, match="archive is damaged"):
         fetch.fetch("planar-dice", tmp_path / "m", archive_host=url)
 

@@ -147,16 +147,12 @@ def test_files_that_are_not_there_or_unclear(tmp_path, spoil, message):
         ("#" * 1_000_001, "the limit is 1,000,000"),
         ("a: !!python/object/apply:os.getcwd []\n", "is not valid YAML"),
         ("schema: 2020-99-99\n", "is not valid YAML"),
+        (yaml.safe_dump(header()) + "gravity: 9.8\n", "gravity: the key occurs twice (first in line"),
     ],
-    ids=["syntax", "list", "empty", "alias", "deep", "large", "object", "date"],
+    ids=["syntax", "list", "empty", "alias", "deep", "large", "object", "date", "twice"],
 )
 def test_yaml_that_cannot_be_used(tmp_path, text, message):
     assert message in only(write(tmp_path, text, trajectories=trajectories()))
-
-
-def test_yaml_key_twice(tmp_path):
-    text = yaml.safe_dump(header()) + "gravity: 9.8\n"
-    assert "gravity: the key occurs twice (first in line" in only(write(tmp_path, text, trajectories=trajectories()))
 
 
 def changed(path: str, value) -> dict:
@@ -356,10 +352,9 @@ def test_all_problems_are_told_at_once(tmp_path):
 
 def test_a_disaster_stays_readable(tmp_path):
     content = header(**{f"key{i}": i for i in range(500)})
-    with pytest.raises(DatasetError) as caught:
+    with pytest.raises(DatasetError, match=r"\.\.\. and 400 more") as caught:
         read_dataset(write(tmp_path, content, trajectories=trajectories()))
     assert len(caught.value.problems) == 500
-    assert "... and 400 more" in str(caught.value)
 
 
 def test_lost_frames_and_stray_trials_are_warnings(tmp_path):

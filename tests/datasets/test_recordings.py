@@ -71,17 +71,18 @@ def test_mistakes_of_the_header_are_told_with_their_place(wheel, tmp_path, old, 
 
 
 def spoilt(lines: list[str], row: int, column: int, cell: str) -> list[str]:
-    cells = lines[row].split(",")
+    cells = lines[row].rstrip().split(",")
     cells[column] = cell
-    return [*lines[:row], ",".join(cells), *lines[row + 1 :]]
+    return [*lines[:row], ",".join(cells) + "\n", *lines[row + 1 :]]
 
 
 TABLE_MISTAKES = [
     (lambda lines: spoilt(lines, 7, 4, "nan"), "column theta, row 8: is empty or NaN"),
     (lambda lines: spoilt(lines, 7, 4, "inf"), "column theta, row 8: is infinite"),
     (lambda lines: spoilt(lines, 0, 7, "spin"), "column spin: unknown column"),
-    (lambda lines: [line.rsplit(",", 1)[0] for line in lines], "column omega: missing"),
-    (lambda lines: [*lines[:-1], lines[-1][:-20]], "the file may have been cut off"),
+    (lambda lines: [line.rsplit(",", 1)[0] + "\n" for line in lines], "column omega: missing"),
+    (lambda lines: [*lines[:-1], lines[-1][:-21] + "\n"], "the file may have been cut off"),
+    (lambda lines: [*lines[:-1], lines[-1].rstrip()[:-2]], "may have been cut off"),
     (lambda lines: [*lines[:50], *lines[60:]], "the time step is not the 0.005 s"),
     (lambda lines: lines[:1], "has a header but no rows"),
     (lambda lines: [*lines, *lines[1:302]], "a trial begins again"),
@@ -92,16 +93,8 @@ TABLE_MISTAKES = [
 def test_mistakes_of_the_table_are_told_with_their_place(wheel, tmp_path, spoil, says):
     folder = write_recording(wheel, tmp_path / "wheel")
     table = folder / "states.csv"
-    table.write_text("\n".join(spoil(table.read_text().splitlines())) + "\n")
+    table.write_text("".join(spoil(table.read_text().splitlines(keepends=True))))
     assert says in refusal(folder, read_recording)
-
-
-def test_a_file_cut_off_within_its_last_number_is_refused(wheel, tmp_path):
-    folder = write_recording(wheel, tmp_path / "wheel")
-    table = folder / "states.csv"
-    table.write_bytes(table.read_bytes()[:-3])
-    with pytest.raises(DatasetError, match="may have been cut off"):
-        read_recording(folder)
 
 
 def test_what_is_not_there_or_unclear_is_told(wheel, tmp_path):

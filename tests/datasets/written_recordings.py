@@ -145,10 +145,6 @@ class Errors:
     there: int
     false: int  # used ones with no true hit nearby
 
-    def coverage(self) -> np.ndarray:
-        """Share (2, 3) of the errors within 1.96 standard errors: before and after, x, y, θ."""
-        return (np.abs(self.z) < NORMAL).mean(0).reshape(2, 3)
-
 
 def errors(found: FoundImpacts, truth: Truth, header: Header, frame: float, delay: float) -> Errors:
     """Errors of the used impacts, which come `delay` (s) late; contacts belong to one if they lie between its flights.

@@ -69,8 +69,7 @@ def jenga_samples() -> list[Sample]:
     n = np.arange(6)
     table = pd.DataFrame({"push": 0, "step": n, "tower": 1, "block": 2})
     values = {"x": 0.1, "y": 0.0, "yaw": 0.0, "f_n": 0.2, "f_t": 0.0, "advance": 1.0 * n, "tower": 0.0}
-    for letter, names in (("s", STATE), ("n", STATE)):
-        table = table.assign(**{f"{letter}_{name}": values[name] for name in names})
+    table = table.assign(**{f"{letter}_{name}": values[name] for letter in "sn" for name in STATE})
     table = table.assign(**{f"a_{name}": 0.0 for name in ACTION}, **{f"c_{name}": 0.0 for name in CONTEXT}, truth=0)
     game = Game("rule", 1, 2, 54, [Attempt(3, 1, 0, pushed=1)], "done")
     with tempfile.TemporaryDirectory() as made:

@@ -9,15 +9,7 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from tests.datasets.exports import (
-    write_bag,
-    write_c3d,
-    write_motive,
-    write_optitrack,
-    write_qualisys,
-    write_table,
-    write_vicon,
-)
+from tests.datasets import exports
 from tests.datasets.in_space import Take, plane_axes
 from tests.fuzz.mutations import Sample
 
@@ -58,18 +50,20 @@ def _bytes(write, name: str, *arguments) -> bytes:
 def motion_samples() -> list[Sample]:
     """Tables with quaternions, exports of motion capture."""
     z, y = small_take("z"), small_take("y")
-    motive = [_bytes(write_motive, "a.csv", y, *how) for how in (("Quaternion", "Millimeters"), ("XYZ", "Meters"))]
-    vicon = [_bytes(write_vicon, "a.csv", z, kind) for kind in ("XYZ", "quaternion", "markers")]
-    qualisys = [_bytes(write_qualisys, "a.tsv", z, *how) for how in (("6D", True), ("angles", False), ("3D", False))]
-    table = _bytes(write_table, "a.csv", z)
-    samples = [{"log.csv": table}, {"ball.csv": table}, {"old.csv": _bytes(write_optitrack, "a.csv", y)}]
+    exported = (("Quaternion", "Millimeters"), ("XYZ", "Meters"))
+    motive = [_bytes(exports.write_motive, "a.csv", y, *how) for how in exported]
+    vicon = [_bytes(exports.write_vicon, "a.csv", z, kind) for kind in ("XYZ", "quaternion", "markers")]
+    exported = (("6D", True), ("angles", False), ("3D", False))
+    qualisys = [_bytes(exports.write_qualisys, "a.tsv", z, *how) for how in exported]
+    table = _bytes(exports.write_table, "a.csv", z)
+    samples = [{"log.csv": table}, {"ball.csv": table}, {"old.csv": _bytes(exports.write_optitrack, "a.csv", y)}]
     samples += [{"take.csv": data} for data in motive] + [{"trial.csv": data} for data in vicon]
     return samples + [{"drop.tsv": data} for data in qualisys]
 
 
 def c3d_samples() -> list[Sample]:
     take = small_take("z")
-    return [{"drop.c3d": _bytes(write_c3d, "a.c3d", take, kind)} for kind in ("markers", "rotations")]
+    return [{"drop.c3d": _bytes(exports.write_c3d, "a.c3d", take, kind)} for kind in ("markers", "rotations")]
 
 
 def tensor_samples() -> list[Sample]:
@@ -87,7 +81,7 @@ def tensor_samples() -> list[Sample]:
 def bag_samples() -> list[Sample]:
     take = small_take("z")
     kinds = ((".bag", "TFMessage"), (".mcap", "PoseStamped"), (".db3", "Odometry"), (".mcap", "NamedPoseArray"))
-    return [{f"drops{ending}": _bytes(write_bag, f"a{ending}", take, message)} for ending, message in kinds]
+    return [{f"drops{ending}": _bytes(exports.write_bag, f"a{ending}", take, message)} for ending, message in kinds]
 
 
 def read_motion(folder: Path, out: Path, shape: str = f"disk:{RADIUS}") -> None:

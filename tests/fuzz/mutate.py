@@ -19,7 +19,7 @@ import numpy as np
 from tests.fuzz.hostile import BOMBS, TRAPS, place_trap
 from tests.fuzz.motions import BAG_BOMBS
 from tests.fuzz.mutations import Sample, mutate
-from tests.fuzz.readers import READERS, WEIGHTS
+from tests.fuzz.readers import READERS
 from tests.fuzz.sandbox import ACCEPTED, FAILED, REFUSED, Outcome, Pool, Task
 
 SHOWN = 25  # failures spelled out
@@ -37,9 +37,9 @@ def _cases(name: str) -> list[tuple[str, int, str, int]]:
     return cases
 
 
-def plan(inputs: int, seed: int, readers: list[str]) -> list[str]:
+def plan(inputs: int, readers: list[str]) -> list[str]:
     """Reader of each input; every reader gets its share."""
-    weights = np.array([WEIGHTS.get(name, 1.0) for name in readers])
+    weights = np.array([READERS[name].share for name in readers])
     edges = np.rint(np.cumsum(weights) / weights.sum() * inputs).astype(int)
     return [name for name, n in zip(readers, np.diff(edges, prepend=0)) for _ in range(n)]
 
@@ -76,7 +76,7 @@ def fuzz(
     inputs: int, seed: int, names: list[str], root: Path, jobs: int = 1, thin: int = 1, say=None
 ) -> list[tuple[str, int, Outcome]]:
     """(reader, index, outcome) of each input."""
-    readers = plan(inputs, seed, names)
+    readers = plan(inputs, names)
     for name in dict.fromkeys(readers):  # imports and samples are made once, before the processes are forked
         reader = READERS[name]
         for i, sample in enumerate(reader.samples()):
@@ -129,7 +129,7 @@ def main() -> int:
     args = parser.parse_args()
     names = args.reader or list(READERS)
     if args.only is not None:
-        task, _ = make_input(plan(args.inputs, args.seed, names), args.seed, args.only)
+        task, _ = make_input(plan(args.inputs, names), args.seed, args.only)
         folder = (args.keep or Path(tempfile.mkdtemp())) / "input"
         folder.mkdir(parents=True)
         (folder.parent / "out").mkdir()

@@ -36,12 +36,13 @@ from tests.fuzz.mutations import Sample
 class Reader:
     """samples: () -> folders as {name: bytes}; read: (input folder, output folder), raises UserError.
 
-    contained: what a link shows of files outside the folder must not come back.
+    contained: what a link shows of files outside the folder must not come back; share: of the inputs, relative.
     """
 
     samples: Callable[[], list[Sample]]
     read: Callable[[Path, Path], None]
     contained: bool = False
+    share: float = 1.0
 
 
 def _yaml(content: dict) -> bytes:
@@ -201,14 +202,10 @@ def _claims_samples() -> list[Sample]:
     ledger["checks"] = [claim["check"] for claim in kinds.values()]  # written with anchors
     ledger["claims"] = [claim | {"source": sources[0]} for claim in kinds.values()]
     first = str(claims[0]["id"])
-    return [
-        {
-            "claims.yaml": yaml.safe_dump(ledger, sort_keys=False).encode(),
-            "table.csv": TABLE,
-            "present.json": b'{"drops": {"present": true}}',
-        },
-        {"expected.yaml": yaml.safe_dump({"schema": 1, "expected": {"quick": {first: "reproduced"}}}).encode()},
-    ]
+    checked = {"claims.yaml": yaml.safe_dump(ledger, sort_keys=False).encode(), "table.csv": TABLE}
+    checked |= {"present.json": b'{"drops": {"present": true}}'}
+    expected = yaml.safe_dump({"schema": 1, "expected": {"quick": {first: "reproduced"}}}).encode()
+    return [checked, {"expected.yaml": expected}]
 
 
 def _read_claims(folder: Path, out: Path) -> None:
@@ -234,25 +231,19 @@ def _model_samples() -> list[Sample]:
     effects = ["com_offset", "wear"]
     values = {"mu": 0.2, "epsilon": 0.6}
     values |= {f"{name}.{p.name}": p.null + 0.1 * p.scale for name in effects for p in EFFECTS[name].parameters}
-    model = {
-        "schema": 1,
-        "dataset": "drops",
-        "law": "wang_mason",
-        "effects": effects,
-        "origins": {"wear": {"file": "my_effects.py", "sha256": "0" * 64}},
-        "parameters": {name: {"value": value, "std": 0.01, "unit": "1"} for name, value in values.items()},
-        "scatter": 0.01,
-        "rig": {
-            "shape": {"kind": "ellipse", "semi_axes": [0.035, 0.025]},
-            "radius_of_gyration": 0.0192,
-            "gravity": 9.81,
-            "height": 0.0,
-        },
-    }
+    model = {"schema": 1, "dataset": "drops", "law": "wang_mason", "effects": effects}
+    model |= {"origins": {"wear": {"file": "my_effects.py", "sha256": "0" * 64}}, "parameters": _parameters(values)}
+    ellipse = {"kind": "ellipse", "semi_axes": [0.035, 0.025]}
+    rig = {"shape": ellipse, "radius_of_gyration": 0.0192, "gravity": 9.81, "height": 0.0}
+    model |= {"scatter": 0.01, "rig": rig}
     n = np.arange(5.0)
     states = pd.DataFrame({"x": 0.0, "y": 0.03, "theta": n, "vx": 0.5, "vy": -2.0, "omega": n, "trial": n, "t": n})
     planar = {"model.json": json.dumps(model, indent=1).encode(), "states.csv": csv_of(states)}
     return [planar, _model_in_space()]
+
+
+def _parameters(values: dict[str, float]) -> dict:
+    return {name: {"value": value, "std": 0.01, "unit": "1"} for name, value in values.items()}
 
 
 def _model_in_space() -> Sample:
@@ -267,15 +258,8 @@ def _model_in_space() -> Sample:
     values = {name: p.null + 0.1 * p.scale for name, p in made.parameters.items()} | {"mu": 0.2, "epsilon": 0.6}
     body = {"shape": {"kind": "box", "half_extents": [0.05, 0.04, 0.03]}, "radii_of_gyration": [0.03, 0.034, 0.037]}
     place = {"tracked": {"position": [0.01, 0, 0.02]}, "surface": {"point": [0, 0, 0.1]}, "gravity": [0, 0, -9.81]}
-    model = {
-        "schema": 1,
-        "dimensions": 3,
-        "dataset": "tosses",
-        "law": "mirtich",
-        "effects": effects,
-        "parameters": {name: {"value": value, "std": 0.01, "unit": "1"} for name, value in values.items()},
-        "rig": {"schema": 2, "body": body, **place},
-    }
+    model = {"schema": 1, "dimensions": 3, "dataset": "tosses", "law": "mirtich", "effects": effects}
+    model |= {"parameters": _parameters(values), "rig": {"schema": 2, "body": body, **place}}
     n = np.arange(5.0)
     states = pd.DataFrame(dict.fromkeys((*POSE_IN_SPACE, *V_PRE_IN_SPACE), 0.0), index=n)
     states = states.assign(trial=n, t=n, z=0.15, qw=1.0, vx_pre=0.5, vz_pre=-2.0, wx_pre=n)
@@ -360,35 +344,23 @@ def _run_commands(folder: Path, out: Path) -> None:
     assert "Traceback" not in said.getvalue()
 
 
+# shares: what strangers send comes first, the command lines run a dozen programs each
 READERS: dict[str, Reader] = {
-    "dataset": Reader(cache(_dataset_samples), _read_dataset, contained=True),
-    "log": Reader(cache(_log_samples), _read_log),
-    "motion": Reader(cache(motion_samples), read_motion),
-    "bag": Reader(cache(bag_samples), read_motion),
+    "dataset": Reader(cache(_dataset_samples), _read_dataset, contained=True, share=8),
+    "log": Reader(cache(_log_samples), _read_log, share=2),
+    "motion": Reader(cache(motion_samples), read_motion, share=3),
+    "bag": Reader(cache(bag_samples), read_motion, share=2),
     "c3d": Reader(cache(c3d_samples), read_motion),
     "space": Reader(cache(motion_samples), read_in_space),
-    "tensors": Reader(cache(tensor_samples), read_in_space),
+    "tensors": Reader(cache(tensor_samples), read_in_space, share=0.5),
     "published": Reader(cache(_published_samples), _read_published),
     "archive": Reader(cache(_archive_samples), _read_archive),
-    "config": Reader(cache(_config_samples), _read_config),
-    "claims": Reader(cache(_claims_samples), _read_claims),
-    "model": Reader(cache(_model_samples), _read_model),
+    "config": Reader(cache(_config_samples), _read_config, share=3),
+    "claims": Reader(cache(_claims_samples), _read_claims, share=3),
+    "model": Reader(cache(_model_samples), _read_model, share=3),
     "robot": Reader(cache(_robot_samples), _read_robot),
-    "results": Reader(cache(results_samples), read_results),
+    "results": Reader(cache(results_samples), read_results, share=3),
     "jenga": Reader(cache(jenga_samples), read_jenga),
     "policy": Reader(cache(policy_samples), read_policy),
-    "commands": Reader(cache(_command_samples), _run_commands),
-}
-# shares of the inputs: what strangers send comes first, the command lines run a dozen programs each
-WEIGHTS = {
-    "dataset": 8,
-    "config": 3,
-    "claims": 3,
-    "model": 3,
-    "results": 3,
-    "log": 2,
-    "motion": 3,
-    "bag": 2,
-    "tensors": 0.5,
-    "commands": 0.3,
+    "commands": Reader(cache(_command_samples), _run_commands, share=0.3),
 }

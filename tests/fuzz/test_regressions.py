@@ -152,33 +152,38 @@ def test_a_configuration_with_very_many_mistakes_stays_readable():
 
 class TestIntermediates:
     @pytest.mark.parametrize(
-        ("content", "words"),
+        ("name", "content", "words"),
         [
-            (b"a,mu\n1,2\n3,4", "the last row was cut off"),
-            (b"law,mu,n\nmirtich,0.1,10\nnewto", "the last row was cut off"),
-            (b"a,mu\n1,2\n3\n", "line 3 has 1 cells instead of 2"),
-            (b"a,mu\n1,2,3\n", "line 2 has 3 cells instead of 2"),
-            (b"a,mu\n1,2\n3,0.4x\n", "column mu holds the text '0.4x'"),
-            (b"mu,mu\n1,2\n", "two columns have the same name"),
-            (b"a,mu\n1,\xff\n", "is not a CSV table"),
-            (b"", "is not a CSV table"),
+            ("a.csv", b"a,mu\n1,2\n3,4", "the last row was cut off"),
+            ("a.csv", b"law,mu,n\nmirtich,0.1,10\nnewto", "the last row was cut off"),
+            ("a.csv", b"a,mu\n1,2\n3\n", "line 3 has 1 cells instead of 2"),
+            ("a.csv", b"a,mu\n1,2,3\n", "line 2 has 3 cells instead of 2"),
+            ("a.csv", b"a,mu\n1,2\n3,0.4x\n", "column mu holds the text '0.4x'"),
+            ("a.csv", b"mu,mu\n1,2\n", "two columns have the same name"),
+            ("a.csv", b"a,mu\n1,\xff\n", "is not a CSV table"),
+            ("a.csv", b'mu,"eps\n1,2', "is not a CSV table"),
+            ("a.csv", b"", "is not a CSV table"),
+            ("a.parquet", b"not parquet", ""),
         ],
     )
-    def test_a_damaged_table_is_named(self, tmp_path, content, words):
-        (tmp_path / "a.csv").write_bytes(content)
+    def test_a_damaged_table_is_named(self, tmp_path, name, content, words):
+        (tmp_path / name).write_bytes(content)
         with pytest.raises(CorruptFileError) as caught:
-            read_table(tmp_path / "a.csv")
-        assert words in str(caught.value) and "a.csv" in str(caught.value)
+            read_table(tmp_path / name)
+        assert words in str(caught.value) and name in str(caught.value)
         assert "delete it and run again" in str(caught.value)
 
     @pytest.mark.parametrize(
         "content",
-        ["[" * 100_000, "[]", "NaN", '{"a": NaN}', '{"a": 1, "a": 2}', '{"a": ' + "9" * 5000 + "}", '{"a": 1'],
+        [
+            *(b"[" * 100_000, b"[]", b"NaN", b'{"a": NaN}', b'{"a": 1, "a": 2}', b'{"a": ' + b"9" * 5000 + b"}"),
+            *(b'{"a": 1', b"\xff\xfe{}"),
+        ],
     )
     def test_damaged_json_is_named(self, tmp_path, content):
-        (tmp_path / "a.json").write_text(content)
-        told = refusal(read_json, tmp_path / "a.json")
-        assert "a.json" in told and "delete it and run again" in told
+        (tmp_path / "a.json").write_bytes(content)
+        with pytest.raises(CorruptFileError, match=r"a\.json .* delete it and run again"):
+            read_json(tmp_path / "a.json")
 
     def test_a_diagnosis_that_lacks_what_is_compared(self, tmp_path):
         good = json.loads(READERS["results"].samples()[1]["diagnosis.json"])

@@ -25,28 +25,18 @@ ORDERS = ("\x1b", "\x07", "\x9b", "\u202e", "\x00", "\r", "\x08")
 RELEASE = Release(height=Spread(low=0.06, high=0.6), vx=Spread(low=-1.2, high=1.2), omega=Spread(low=-15, high=15))
 
 
-def valid_folder(parent: Path, name: str = NAME, description: str = DESCRIPTION) -> Path:
+def valid_folder(parent: Path, name: str = NAME) -> Path:
     """A dataset that can be criticised, whose folder and description are hostile."""
-    made = simulate_drops(
-        ELLIPSE_BODY,
-        RELEASE,
-        24,
-        mu=0.12,
-        epsilon=0.6,
-        noise=Noise(position=3e-4, angle=3e-3),
-        rng=np.random.default_rng(1),
-    )
+    noise, rng = Noise(position=3e-4, angle=3e-3), np.random.default_rng(1)
+    made = simulate_drops(ELLIPSE_BODY, RELEASE, 24, mu=0.12, epsilon=0.6, noise=noise, rng=rng)
     folder = write_dataset(Dataset("plain", made.header, made.trajectories), parent / "plain", float_format=None)
     head = yaml.safe_load((folder / "dataset.yaml").read_text(encoding="utf-8"))
-    write_header(folder, head | {"description": description})
+    text = yaml.safe_dump(head | {"description": DESCRIPTION}, allow_unicode=False)
+    (folder / "dataset.yaml").write_text(text, encoding="utf-8")
     # files beside the dataset's are not looked at
     (folder / "report.html").write_text("<script>alert(3)</script>")
     (folder / "conftest.py").write_text("open('pwned', 'w')")
     return folder.rename(parent / name)
-
-
-def write_header(folder: Path, content: object) -> None:
-    (folder / "dataset.yaml").write_text(yaml.safe_dump(content, allow_unicode=False), encoding="utf-8")
 
 
 def _header(change) -> bytes:

@@ -78,11 +78,7 @@ def test_the_check_of_the_page_can_fail(bad):
 
 
 def everything_below(folder: Path) -> dict[str, bytes]:
-    return {
-        os.fsdecode(os.path.relpath(os.fsencode(path), os.fsencode(folder))): path.read_bytes()
-        for path in folder.rglob("*")
-        if path.is_file()
-    }
+    return {os.path.relpath(path, folder): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
 
 
 @pytest.mark.slow

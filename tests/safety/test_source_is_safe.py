@@ -3,7 +3,7 @@
 from pathlib import Path
 
 import pytest
-from scanner import Finding, python_files, scan, scan_rules
+from scanner import python_files, scan, scan_rules
 
 ROOT = Path(__file__).resolve().parents[2]
 PYTHON = [
@@ -13,36 +13,26 @@ PYTHON = [
 ]
 RULES = [ROOT / "Snakefile", *sorted((ROOT / "workflow" / "rules").glob("*.smk"))]
 
-# (file, rule): why it is right there; one that is not needed any more fails the test
+# where a rule is broken, and why it is right there; one that is not needed any more fails the test
 ALLOWED = {
-    (
-        "thesis_lib/datasets/sources/fetch.py",
-        "network",
-    ): "the one download; no byte is parsed before its SHA-256 matches (tests/datasets/test_published.py)",
-    (
-        "thesis_lib/critique/proposal/effect_file.py",
-        "eval",
-    ): "the text of effects that it writes itself, of fixed words and numbers (tests/critique/proposal/)",
-    (
-        "thesis_lib/extensions/loading.py",
-        "code",
-    ): "a user's own effects, from the path that was given (tests/extensions/test_loading.py)",
-    ("thesis_lib/critique/export/drake_files.py", "xml"): "writes XML, reads none",
-    (
-        "thesis_lib/critique/export/patch.py",
-        "xml",
-    ): "a user's model of a robot; entities unfold a little at most, and a document type is refused (test_patch.py)",
-    (
-        "thesis_lib/critique/export/splice.py",
-        "xml",
-    ): "where tags stand in a text that lxml has read already, without a document type (test_patch.py)",
-    ("tests/workflow/test_held_out_scripts.py", "code"): "runs our own scripts as Snakemake does",
-    ("tests/datasets/test_published.py", "network"): "serves files to the download, on this machine",
-    ("tests/fuzz/hostile.py", "network"): "makes a socket file, which a reader must refuse",
-    ("tests/fuzz/test_mutation.py", "shell"): "misbehaves on purpose, to be caught",
-    ("tests/slurm/two_nodes.py", "network"): "the name of this machine, for a cluster of its own",
-    ("tests/test_readme.py", "eval"): "runs the examples of our own README",
-    ("tests/test_readme.py", "shell"): "runs the commands of our own README as a reader would",
+    # the one download; no byte is parsed before its SHA-256 matches (tests/datasets/test_published.py)
+    ("thesis_lib/datasets/sources/fetch.py", "network"),
+    # the text of effects that it writes itself, of fixed words and numbers (tests/critique/proposal/)
+    ("thesis_lib/critique/proposal/effect_file.py", "eval"),
+    # a user's own effects, from the path that was given (tests/extensions/test_loading.py)
+    ("thesis_lib/extensions/loading.py", "code"),
+    ("thesis_lib/critique/export/drake_files.py", "xml"),  # writes XML, reads none
+    # a user's model of a robot; entities unfold a little at most, and a document type is refused (test_patch.py)
+    ("thesis_lib/critique/export/patch.py", "xml"),
+    # where tags stand in a text that lxml has read already, without a document type (test_patch.py)
+    ("thesis_lib/critique/export/splice.py", "xml"),
+    ("tests/workflow/test_held_out_scripts.py", "code"),  # runs our own scripts as Snakemake does
+    ("tests/datasets/test_published.py", "network"),  # serves files to the download, on this machine
+    ("tests/fuzz/hostile.py", "network"),  # makes a socket file, which a reader must refuse
+    ("tests/fuzz/test_mutation.py", "shell"),  # misbehaves on purpose, to be caught
+    ("tests/slurm/two_nodes.py", "network"),  # the name of this machine, for a cluster of its own
+    ("tests/test_readme.py", "eval"),  # runs the examples of our own README
+    ("tests/test_readme.py", "shell"),  # runs the commands of our own README as a reader would
 }
 
 
@@ -50,15 +40,11 @@ def relative(path: Path) -> str:
     return path.relative_to(ROOT).as_posix()
 
 
-def all_findings() -> list[Finding]:
-    found = [one for path in PYTHON for one in scan(path.read_text(encoding="utf-8"), relative(path))]
-    return found + [one for path in RULES for one in scan_rules(path.read_text(encoding="utf-8"), relative(path))]
-
-
 def test_the_project_breaks_no_rule_but_where_it_is_allowed():
-    found = all_findings()
+    found = [one for path in PYTHON for one in scan(path.read_text(encoding="utf-8"), relative(path))]
+    found += [one for path in RULES for one in scan_rules(path.read_text(encoding="utf-8"), relative(path))]
     assert [one for one in found if (one.path, one.rule) not in ALLOWED] == []
-    unused = set(ALLOWED) - {(one.path, one.rule) for one in found}
+    unused = ALLOWED - {(one.path, one.rule) for one in found}
     assert not unused, f"not needed any more: {unused}"
 
 

@@ -185,7 +185,8 @@ class Polygon(_Shape):
 class Corner:
     """One corner of a polygon for each of n bodies, as a shape of its own: `index` (n,) into `polygon.corners`.
 
-    A number of bodies in its place stands for all corners, as `each` says.
+    A number of bodies in its place stands for the first corner of all of them, then the second of all, and so on; their
+    angles repeat with the corner.
     """
 
     def __init__(self, polygon: Polygon, index: np.ndarray | int) -> None:
@@ -198,11 +199,6 @@ class Corner:
         self._theta: np.ndarray | None = None
         self._key: tuple = ()
         self._cos = self._sin = self._turned = np.empty(0)
-
-    @classmethod
-    def each(cls, polygon: Polygon, bodies: int) -> "Corner":
-        """The first corner of all `bodies`, then the second of all, and so on; their angles repeat with the corner."""
-        return cls(polygon, bodies)
 
     @cached_property
     def index(self) -> np.ndarray:

@@ -83,11 +83,6 @@ def struck_wall(walls: Sequence[Wall], shape: Shape, q: np.ndarray, dv: np.ndarr
     return np.where(pushes, apart, apart + OUT_OF_REACH).argmin(axis=1)
 
 
-def wall_ahead(walls: Sequence[Wall], shape: Shape, q: np.ndarray, v: np.ndarray) -> np.ndarray:
-    """Number (n,) of the nearest wall towards which bodies at poses q (n, 3) move with velocities v (n, 3)."""
-    return struck_wall(walls, shape, q, -v)
-
-
 def turns(walls: Sequence[Wall], wall: np.ndarray) -> np.ndarray:
     """Matrices R (n, 3, 3) that turn a velocity into the frame of wall `wall` (n,): R v = (v·t, v·n, ω)."""
     R = np.tile(np.eye(3), (len(wall), 1, 1))

@@ -246,11 +246,6 @@ class State:
         """The bodies of all states, one after the other."""
         first = states[0]
         surface = None if first.surface is None else np.concatenate([state.surface for state in states])
-        return State(
-            np.concatenate([state.pose for state in states], axis=1),
-            np.concatenate([state.motion for state in states], axis=1),
-            np.concatenate([state.trial for state in states]),
-            np.concatenate([state.t for state in states]),
-            surface,
-            first.space,
-        )
+        parts = [[state.pose, state.motion, state.trial, state.t] for state in states]
+        pose, motion, trial, t = (np.concatenate(arrays, axis=-1) for arrays in zip(*parts))
+        return State(pose, motion, trial, t, surface, first.space)

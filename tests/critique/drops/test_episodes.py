@@ -110,7 +110,7 @@ def test_in_how_many_pieces_a_flight_is_looked_at_changes_nothing(monkeypatch, r
 
 def test_corners_of_all_bodies_are_those_of_each(rng):
     theta = rng.uniform(-3.0, 3.0, 5)
-    every = Corner.each(SQUARE.shape, 5)
+    every = Corner(SQUARE.shape, 5)
     alone = Corner(SQUARE.shape, np.repeat(np.arange(4), 5))
     assert (every.index == alone.index).all()
     assert (every.contact_point(np.tile(theta, 4)) == alone.contact_point(np.tile(theta, 4))).all()

@@ -53,17 +53,8 @@ def test_a_body_that_is_caught_is_left_out_and_one_that_bounces_first_is_cut_sho
     lands = parabola(t, G * t[-1] ** 2 / 2)
     up = parabola(t, 0.0, 1.5) + [lands[-1, 0], 0.0, lands[-1, 2]]
     hold = 100
-    path = np.concatenate(
-        [
-            still(caught[0], hold),
-            caught,
-            still(caught[-1], hold),
-            still(lands[0], hold),
-            lands,
-            up[1:],
-            still(up[-1], hold),
-        ]
-    )
+    parts = [still(caught[0], hold), caught, still(caught[-1], hold), still(lands[0], hold), lands, up[1:]]
+    path = np.concatenate([*parts, still(up[-1], hold)])
     path = path + 1e-4 * np.random.default_rng(0).standard_normal(path.shape)
     clock = np.arange(len(path)) / 250.0
     track = follow(clock, path, G)

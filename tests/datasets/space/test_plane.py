@@ -27,18 +27,13 @@ def test_a_plane_is_found_from_the_flights(up, tilt):
     plane = find_plane(track.v[inner], omega[inner], K_G, UP[up])
     assert np.arccos(min(1.0, abs(plane.normal @ recorded.axes[2]))) < NEAR
     assert abs(plane.tilt) == pytest.approx(np.radians(tilt), abs=NEAR)
-    np.testing.assert_allclose(
-        np.stack([plane.x, plane.y, plane.normal]) @ np.stack([plane.x, plane.y, plane.normal]).T, np.eye(3), atol=1e-12
-    )
+    axes = np.stack([plane.x, plane.y, plane.normal])
+    np.testing.assert_allclose(axes @ axes.T, np.eye(3), atol=1e-12)
     np.testing.assert_allclose(np.cross(plane.x, plane.y), plane.normal, atol=1e-12)
 
 
 def test_poses_in_the_plane_are_those_that_were_embedded():
-    for mount in (
-        Rotation.identity(),
-        Rotation.from_euler("x", 90, degrees=True),
-        Rotation.from_euler("y", 90, degrees=True),
-    ):
+    for mount in (Rotation.identity(), *(Rotation.from_euler(axis, 90, degrees=True) for axis in "xy")):
         recorded = take(3, noise=0.0, mount=mount)
         plane = Plane(recorded.axes[0], recorded.axes[1], recorded.axes[2], np.radians(4.0))
         motion = Motion("", "", recorded.t, recorded.position, recorded.quaternion)

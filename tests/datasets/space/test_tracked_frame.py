@@ -1,30 +1,25 @@
 """The pose of the tracked frame in the body is found from tosses, wherever it is and whatever direction is up."""
 
 import re
-import sys
-from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import pytest
 from scipy.spatial.transform import Rotation
 
+from tests.tosses import recorded, simulate_tosses
 from thesis_lib.bodies.solids import Box, Capsule, Cylinder, Ellipsoid, Sphere
 from thesis_lib.bodies.symmetry import Symmetry
 from thesis_lib.commands.datasets import main
 from thesis_lib.datasets import dataset_of, read_dataset
 from thesis_lib.datasets.checks.in_space import one_clock
 from thesis_lib.datasets.checks.tracked_pose import settled
-from thesis_lib.datasets.format.frames import surface_frames, tracked_of_body
+from thesis_lib.datasets.format.frames import surface_frames
 from thesis_lib.datasets.format.header import SpaceHeader
-from thesis_lib.datasets.format.table_forms import POSE_IN_SPACE, QUATERNION
+from thesis_lib.datasets.format.table_forms import QUATERNION
 from thesis_lib.datasets.space.tracked_frame import TrackedFrame, find_tracked_frame
 from thesis_lib.foundation.errors import UserError
-from thesis_lib.mechanics.space import SPACE, of_rotation_matrix
-from thesis_lib.mechanics.state import State
-
-sys.path.append(str(Path(__file__).parents[2] / "critique"))
-from tosses import simulate_tosses
+from thesis_lib.mechanics.space import of_rotation_matrix
 
 SHAPES = {
     "box 3:2:1": {"kind": "box", "half_extents": [0.03, 0.02, 0.01]},
@@ -41,16 +36,10 @@ def rig(shape: str, seed: int) -> SpaceHeader:
     rng = np.random.default_rng(seed)
     mount, world = Rotation.random(2, rng=rng)
     off = rng.standard_normal(3)
-    return SpaceHeader.model_validate(
-        {
-            "schema": 2,
-            "body": {"shape": SHAPES[shape], "mass": 0.25, "homogeneous": True},
-            "tracked": {"position": 0.04 * off / np.linalg.norm(off), "quaternion": mount.as_quat(scalar_first=True)},
-            "gravity": world.apply([0.0, 0.0, -9.81]),
-            "surface": {"point": world.apply([0.3, 0.1, 0.2])},
-            "rate": 240.0,
-        }
-    )
+    body = {"shape": SHAPES[shape], "mass": 0.25, "homogeneous": True}
+    tracked = {"position": 0.04 * off / np.linalg.norm(off), "quaternion": mount.as_quat(scalar_first=True)}
+    axes = {"gravity": world.apply([0.0, 0.0, -9.81]), "surface": {"point": world.apply([0.3, 0.1, 0.2])}}
+    return SpaceHeader.model_validate({"schema": 2, "body": body, "tracked": tracked, "rate": 240.0} | axes)
 
 
 def tossed(header: SpaceHeader, trials: int, seed: int, before_hits: bool = False) -> pd.DataFrame:
@@ -71,12 +60,7 @@ def at_rest(header: SpaceHeader, table: pd.DataFrame, ups: np.ndarray, seed: int
         place = np.array([*rng.uniform(-0.1, 0.1, 2), -header.body.solid.lowest(q)[2, 0]])
         pose = np.repeat(np.r_[place, q[:, 0]][:, None], frames, axis=1)
         t = toss["t"].max() + 0.2 + np.arange(frames) / 240.0
-        true = State(pose, np.zeros((6, frames)), np.full(frames, trial), t, None, SPACE)
-        seen = tracked_of_body(frame.shown(true), header)
-        attitude = SPACE.attitude_after(seen.attitude, NOISE[1] * rng.standard_normal((3, frames)))
-        place = seen.position + NOISE[0] * rng.standard_normal((3, frames))
-        columns = dict(zip(POSE_IN_SPACE, np.concatenate([place, attitude])))
-        parts.append(pd.DataFrame({"trial": trial, "t": t} | columns))
+        parts.append(recorded([(trial, t, pose)], header, frame, rng, NOISE))
     return pd.concat(parts).sort_values(["trial", "t"], kind="stable", ignore_index=True)
 
 

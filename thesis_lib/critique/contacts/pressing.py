@@ -123,7 +123,7 @@ def all_points(rig: Rig, bodies: int) -> Rig:
         return rig
     if not rig.space.is_plane:
         return one_point(rig, np.repeat(np.arange(points), bodies))
-    return replace(rig, shape=Corner.each(rig.shape, bodies))  # pyright: ignore[reportArgumentType]
+    return replace(rig, shape=Corner(rig.shape, bodies))  # pyright: ignore[reportArgumentType]
 
 
 def integrates(law: Law, effect: Effect, space: Space) -> bool:

@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 from pydantic import Field, model_validator
 
 from thesis_lib.bodies.shapes import Shape
-from thesis_lib.bodies.walls import MOST, Wall, in_wall_frame, turns, wall_ahead
+from thesis_lib.bodies.walls import MOST, Wall, in_wall_frame, struck_wall, turns
 from thesis_lib.critique.contacts.bases import BASES
 from thesis_lib.critique.contacts.contact_time import CONTACT_TIME
 from thesis_lib.critique.contacts.kinds import ByImpulse, bind
@@ -134,7 +134,7 @@ class SavedModel(Section):
         """
         walls, level = self.rig.walls, state
         if walls:
-            wall = wall_ahead(walls, self.rig.shape, state.q, state.v)
+            wall = struck_wall(walls, self.rig.shape, state.q, -state.v)  # the nearest of those ahead
             R = turns(walls, wall)
             v = np.einsum("nij,nj->ni", R, state.v)
             level = State.of(in_wall_frame(walls, wall, state.q), v, state.trial, state.t, wall)

@@ -55,27 +55,24 @@ NEAR = 0.15  # relative distance to gravity on Earth within which the stated gra
 def check_header(header: Header, report: ValidationReport) -> None:
     """Report contradictions between size, inertia, mass, gravity and noise."""
     extent, body, noise = header.body.shape.extent, header.body, header.noise
-
-    def error(key: str, what: str, remedy: str) -> None:
-        report.error(FILE, key, what, remedy)
-
     if extent > LARGEST_BODY:
         what = f"the body reaches {extent:g} m from its centre, more than {LARGEST_BODY:g} m: millimetres?"
-        error("body.shape", what, SHAPE_METRES)
+        report.error(FILE, "body.shape", what, SHAPE_METRES)
     elif body.radius_of_gyration > extent:
         what = f"{body.radius_of_gyration:g} m is larger than the body, which reaches {extent:g} m from its centre"
         lamina = f"a uniform lamina of this shape has {body.shape.radius_of_gyration:.6g}"
         remedy = f"give sqrt(I/m) in m (not the moment of inertia, not millimetres); {lamina}"
-        error("body.radius_of_gyration", what, remedy)
+        report.error(FILE, "body.radius_of_gyration", what, remedy)
     elif body.mass is not None and body.mass > DENSEST * (2.0 * extent) ** 3:
         what = f"{body.mass:g} kg would be denser than any metal for a body of {2 * extent:g} m: grams?"
         report.warn(FILE, "body.mass", what, "give the mass in kg")
     report.errors += contradictory_body(body)
     if header.gravity > LARGEST_GRAVITY:
-        error("gravity", f"{header.gravity:g} m/s² is more than on any planet", "give it in m/s² (9.81 on Earth)")
+        what = f"{header.gravity:g} m/s² is more than on any planet"
+        report.error(FILE, "gravity", what, "give it in m/s² (9.81 on Earth)")
     if noise is not None and noise.position is not None and noise.position > extent:
         what = f"{noise.position:g} m is larger than the body: millimetres?"
-        error("noise.position", what, "give it in m")
+        report.error(FILE, "noise.position", what, "give it in m")
     if noise is not None and noise.angle is not None and noise.angle > 1.0:
         report.warn(FILE, "noise.angle", f"{noise.angle:g} rad is most of a turn: degrees?", "give it in rad")
 

@@ -81,20 +81,10 @@ def find_episodes(
         good &= _is_clear(side.used, way, gap, spread, level)
         sides.append(side)
     rows = np.arange(len(groups))
-    pre, post = sides
-    table = pd.DataFrame(
-        {
-            "trial": trial[first],
-            "impact": hits["impact"].to_numpy()[first],
-            "last": hits["impact"].to_numpy()[last],
-            "t_first": t[first],
-            "t_last": t[last],
-            "start": t[first] + pre.t[rows, pre.nearest()],
-            "end": t[last] + post.t[rows, post.nearest()],
-            "n_pre": pre.used.sum(1).astype(int),
-            "n_post": post.used.sum(1).astype(int),
-        }
-    )
+    start, end = (t[hit] + side.t[rows, side.nearest()] for hit, side in zip((first, last), sides))
+    impact, counts = hits["impact"].to_numpy(), (side.used.sum(1).astype(int) for side in sides)
+    columns = (trial[first], impact[first], impact[last], t[first], t[last], start, end, *counts)
+    table = pd.DataFrame(dict(zip(EPISODE_COLUMNS, columns)))
     return table[good].reset_index(drop=True)
 
 

@@ -37,17 +37,11 @@ def read_optitrack(path: Path, body: str | None, rotation: str | None, notes: li
     not a number.
     """
     rows = [row for row in read_rows(path) if row[1] and row[1][0].lower() in KINDS]
-    kinds = [cells[0].lower() for _, cells in rows]
     frames = [
-        (number, ["" if "#" in cell else cell for cell in cells])
-        for (number, cells), k in zip(rows, kinds)
-        if k == "frame"
+        (row, ["" if "#" in cell else cell for cell in cells]) for row, cells in rows if cells[0].lower() == "frame"
     ]
-    bodies = {
-        cells[1]: cells[2]
-        for (_, cells), kind in zip(rows, kinds)
-        if kind in BODIES and len(cells) > 2 and not cells[1].isdigit() and cells[2].isdigit()
-    }
+    told = [cells for _, cells in rows if cells[0].lower() in BODIES and len(cells) > 2]
+    bodies = {cells[1]: cells[2] for cells in told if not cells[1].isdigit() and cells[2].isdigit()}
     if not bodies or not frames:
         raise UserError(
             f"{path} begins like an older export of OptiTrack, but has no rows 'rigidbody,NAME,ID,…' or no rows "
@@ -59,7 +53,7 @@ def read_optitrack(path: Path, body: str | None, rotation: str | None, notes: li
     cells = columns_of(path, moved, range(1, 8))
     cells[~np.any(np.nan_to_num(cells[:, 3:]) != 0.0, axis=1)] = np.nan
     position, quaternion = cells[:, :3], unit(cells[:, 3:], f"{path}, body {chosen}")
-    if "lefthanded" in kinds:
+    if any(cells[0].lower() == "lefthanded" for _, cells in rows):
         notes.append("the export is left-handed: its z axis is reversed")
         position, quaternion = position * [1.0, 1.0, -1.0], mirrored(quaternion, 2)
     return Motion(chosen, str(path), t, position, quaternion)

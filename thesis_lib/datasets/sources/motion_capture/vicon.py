@@ -22,6 +22,7 @@ throughout.  z is up.
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import accumulate
 from pathlib import Path
 
 import numpy as np
@@ -113,9 +114,10 @@ def _blocks(path: Path, rows: Sequence[Row]) -> list[_Block]:
             raise UserError(f"{path}, row {head[2][0]}: expected the columns of '{name}', Frame, Sub Frame, …")
         width = len(axes)
         end = next((k for k in range(i + 5, len(rows)) if not any(rows[k][1])), len(rows))
-        units = (units + [""] * width)[:width]
+        names, units = ((cells + [""] * width)[:width] for cells in (names, units))
+        names = list(accumulate(names, lambda last, name: name or last))  # it stands over the first of its own columns
         small = [axis.lower() for axis in axes]
-        blocks.append(_Block(name, hertz, _spread(names, width), small, units, list(rows[i + 5 : end])))
+        blocks.append(_Block(name, hertz, names, small, units, list(rows[i + 5 : end])))
         i = end
     return blocks
 
@@ -124,12 +126,3 @@ def _alone(cells: Sequence[str]) -> str:
     """The only cell of a row that holds anything; "" if there are none or several."""
     filled = [cell for cell in cells if cell]
     return filled[0] if len(filled) == 1 else ""
-
-
-def _spread(names: Sequence[str], width: int) -> list[str]:
-    """A name for each of `width` columns: it stands over the first of its own."""
-    result, last = [], ""
-    for column in range(width):
-        last = names[column] if column < len(names) and names[column] else last
-        result.append(last)
-    return result
