@@ -159,8 +159,14 @@ def sized(effects: list[Mapping]) -> str:
 def what_to_do(effects: list[Mapping]) -> str:
     """Sentence on what a reader does about effects that have a name."""
     wrong = list(dict.fromkeys(EFFECTS[e["name"]].denies for e in effects))
+    # of drops in the plane dataset.yaml has the poses of the centre of mass, and no other place for it
+    nowhere = any(e["name"] == "com_offset" and "c_z" not in e["parameters"] for e in effects)
     if all(wrong) and wrong:
-        return f"Correct the {listed(wrong)} in dataset.yaml and in your simulator, or use model.json for predictions."
+        written = [what for what in wrong if not nowhere or what != EFFECTS["com_offset"].denies]
+        also = " and" if written == wrong else f", the {listed(written)} also"
+        file = f"{also} in dataset.yaml" if written else ""
+        later = ", give --effect com_offset with further drops" if nowhere else ""
+        return f"Correct the {listed(wrong)} in your simulator{file}{later}, or use model.json for predictions."
     return "Use model.json, which holds all of this, for predictions, or export it to your simulator."
 
 
