@@ -66,6 +66,7 @@ FORMS = {  # content, options, what is said of it
     "UTF-8 with a mark": (text().encode("utf-8-sig"), {}, ""),
     "old line ends": (text().replace("\n", "\r"), {}, ""),
     "cp1252, units in brackets": (text(NAMED).encode("cp1252"), {"columns": COLUMNS}, "read as cp1252"),
+    "names without their units": (text(NAMED), {"columns": "theta=angle"}, "units read from the names"),
     "units stated twice": (text(NAMED), {"columns": COLUMNS, "units": "mm,deg"}, "units read from the names"),
     "a row of units": (below(",s,(mm),[mm],°", text(MILLI)), {}, "y in mm, theta in deg"),
     "a row of unknown units": (below(",sec,inch,inch,rad", text()), {"units": "m"}, "t in s, theta in rad"),
@@ -102,7 +103,7 @@ def test_stamps_in_nanoseconds_keep_their_digits(tmp_path):
     """Floats of 19 digits are 256 ns apart; integers are taken off the first before."""
     stamps = STAMPS + np.arange(len(STAMPS))  # 1 ns a row later
     stamps[5:8] = [stamps[5], 0, stamps[7]]
-    cells = [str(stamp) if stamp else "" for stamp in stamps]
+    cells = [str(stamp) if stamp else "#N/A" for stamp in stamps]
     poses = poses_of(read(tmp_path, text(FRAME.assign(t=cells)), units="ns"))
     one = (stamps[:40] - stamps[0])[stamps[:40] > 0]
     np.testing.assert_array_equal(poses["t"][:39], 1e-9 * one.astype(float))

@@ -48,7 +48,7 @@ SAID = [
     (
         [{}, FAULT],
         OUT,
-        "faulty: mirrored … 30 % … (90 × second … ; 20 × no free … ; 1 for other … out: tangential",
+        "faulty: mirrored … out: tangential … 30 % … (90 × second … ; 20 × no free … ; 1 for other",
         "out: mirr",
     ),
     (

@@ -44,14 +44,12 @@ MUCH_LEFT_OUT = 0.2  # share of the impacts above which the summary mentions it
 
 
 def headline(content: Mapping) -> list[str]:
-    """The sentences of `summary` down to the verdict: what stands where there is room for few."""
-    return [
-        *content.get("remarks", ()),
-        *_low_pass(content),
-        *faults(content),
-        *much_left_out(content),
-        _judged(content)[0],
-    ]
+    """Verdict, and which data it is of: what stands where there is room for few."""
+    return [*faults(content), _judged(content)[0], *_of_which_data(content)]
+
+
+def _of_which_data(content: Mapping) -> list[str]:
+    return [*content.get("remarks", ()), *_low_pass(content), *much_left_out(content)]
 
 
 def summary(content: Mapping) -> list[str]:
@@ -61,7 +59,8 @@ def summary(content: Mapping) -> list[str]:
     more += [*map(at_its_end, filter(is_at_end, found)), *map(rejected, content["rejected"])]
     more += [*_friction(content), *_contact_time(content), *switched_on(content), *_origins(content)]
     more += [*worst(content["error"]), *above_noise(content)]
-    return [*headline(content), *_judged(content)[1:], *more, *search_ended(content["search"], "critique.settings")]
+    first = [*faults(content), *_judged(content), *_of_which_data(content)]
+    return [*first, *more, *search_ended(content["search"], "critique.settings")]
 
 
 def _judged(content: Mapping) -> list[str]:

@@ -18,7 +18,8 @@ NAMES = {",": "commas", "\t": "tabs", ";": "semicolons", "|": "bars", SPACES: "s
 HEAD = 200  # lines that are looked at
 LONGEST = 100_000  # characters in them
 ABOVE = 6  # lines above the first row of numbers among which the header is looked for
-NO_NUMBER = ("", "nan", "na", "null", "none")  # cells of a sample that was not measured
+# cells of a sample that was not measured, the last two as spreadsheets write them
+NO_NUMBER = ("", "nan", "na", "null", "none", "#n/a", "#nv")
 COMMENT = re.compile(r"\s*(?:#+|%+(?=\s)|//+)\s*")  # not the % of %time, as rostopic names a column
 _NUMBER = {mark: re.compile(rf"[+-]?(\d+[{mark}]?\d*|[{mark}]\d+)([eE][+-]?\d+)?") for mark in (".", ",")}
 

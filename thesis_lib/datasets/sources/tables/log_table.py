@@ -15,7 +15,7 @@ import pandas as pd
 
 from thesis_lib.datasets.format.validate import first_of, row_text
 from thesis_lib.datasets.sources.tables.layout import COMMENT, HEAD, LONGEST, NAMES, NO_NUMBER, find_layout, split
-from thesis_lib.datasets.sources.tables.options import Reading, unit_in, unit_of
+from thesis_lib.datasets.sources.tables.options import Reading, unit_in, unit_of, without_unit
 from thesis_lib.foundation.errors import UserError, first_line, suggest
 from thesis_lib.foundation.regular_file import MissingFile, read_bytes
 
@@ -50,8 +50,13 @@ class Log:
         return len(self.cells)
 
     def find(self, name: str) -> str | None:
-        """The column that is meant by `name`, which may have the mark of a comment before it; None if there is none."""
-        return next((n for n in (name, COMMENT.sub("", name, count=1)) if n in self.cells.columns), None)
+        """The column that is meant by `name`, which may have the mark of a comment before it or lack the unit in
+        brackets; None if there is none, or several."""
+        for one in (name, COMMENT.sub("", name, count=1)):
+            if one in self.cells.columns:
+                return one
+        bare = [column for column in self.cells.columns if without_unit(column) == name]
+        return bare[0] if len(bare) == 1 else None
 
     def has(self, name: str) -> bool:
         """Whether there is such a column."""
@@ -158,9 +163,9 @@ def read_log(path: Path, options: Reading, wanted: Collection[str], doubts: list
     cells = _last_row(path, cells, body, layout.delimiter, ends_cleanly, doubts)
     units = {name: unit for name in names if (unit := unit_in(name))}
     if named := [
-        f"{name.partition('[')[0].partition('(')[0].strip()} in {units[name]}"
+        f"{without_unit(name)} in {units[name]}"
         for name in names
-        if name in units and name in wanted
+        if name in units and not {name, without_unit(name)}.isdisjoint(wanted)
     ]:
         notes.append(f"units read from the names of the columns: {', '.join(named)}")
     below = {name: unit for name, cell in zip(names, layout.units) if (unit := unit_of(cell))}

@@ -44,6 +44,11 @@ def unit_in(name: str) -> str | None:
     return unit_of(found.group(1)) if found else None
 
 
+def without_unit(name: str) -> str:
+    """A column's name without what stands in brackets at its end."""
+    return BRACKETED.sub("", name).strip()
+
+
 @dataclass(frozen=True)
 class Units:
     """The units of --units by quantity, and `scale` in pixels a metre."""
