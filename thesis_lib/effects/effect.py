@@ -76,6 +76,7 @@ class Parameter:
         along: "x", "t" or "trial" of one that is itself a place, a time or a release, from `Rig.reference`; else "".
         of: the parameter of the law in whose place it acts: the effect is absent where both are equal, and `null` is a
             start; "" of one that is absent at its null.
+        open_end: whether an end of its range is an answer: an edge beyond all impacts, or sharper than they show.
     """
 
     name: str
@@ -90,6 +91,7 @@ class Parameter:
     words: tuple[str, ...] = ()
     along: Coordinate | Literal[""] = ""
     of: str = ""
+    open_end: bool = False
 
     def absent_at(self, values: Mapping[str, float]) -> float:
         """The value at which the effect is absent from a model with these values of the law."""

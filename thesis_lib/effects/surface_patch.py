@@ -36,9 +36,9 @@ class SurfacePatch(Effect):
         Parameter("h_eps", "1", null=0.0, low=-1.0, high=3.0, scale=0.1),
         Parameter("h_mu", "1", null=0.0, low=-1.0, high=10.0, scale=0.2),
         Parameter("h_tau", "1", null=0.0, low=-1.0, high=10.0, scale=0.5),
-        Parameter("x_1", "m", null=0.05, low=-10.0, high=10.0, scale=0.02, along="x"),
-        Parameter("x_2", "m", null=0.15, low=-10.0, high=10.0, scale=0.02, along="x"),
-        Parameter("w", "m", null=0.02, low=2e-3, high=0.1, scale=0.01),
+        Parameter("x_1", "m", null=0.05, low=-10.0, high=10.0, scale=0.02, along="x", open_end=True),
+        Parameter("x_2", "m", null=0.15, low=-10.0, high=10.0, scale=0.02, along="x", open_end=True),
+        Parameter("w", "m", null=0.02, low=2e-3, high=0.1, scale=0.01, open_end=True),
     )
     channels = ("impact", "touch")
     needs_one_surface = True

@@ -27,7 +27,13 @@ def is_fault(effect: Mapping) -> bool:
 
 def is_at_end(effect: Mapping) -> bool:
     """Whether the data only bound the size of an effect."""
-    return any(p.get("bound") for p in effect["parameters"].values())
+    return bool(_ends(effect))
+
+
+def _ends(effect: Mapping) -> list[str]:
+    of = EFFECTS[effect["name"]]
+    open_end = {p.name for p in (*of.parameters, *of.own_in_space) if p.open_end}
+    return [name for name, p in effect["parameters"].items() if p.get("bound") and name not in open_end]
 
 
 def sizes(effect: Mapping) -> str:
@@ -63,7 +69,7 @@ def speed(value: float) -> str:
 
 def at_its_end(effect: Mapping) -> str:
     """Sentence on an effect that would grow beyond the values that are believed possible."""
-    ends = listed([f"{name} {bounded(p)}" for name, p in effect["parameters"].items() if p.get("bound")])
+    ends = listed([f"{name} {bounded(effect['parameters'][name])}" for name in _ends(effect)])
     return (
         f"“{EFFECTS[effect['name']].title}” is at an end of its range ({ends}), so it may stand in for another cause."
     )
