@@ -136,8 +136,8 @@ def test_a_belief_that_changes_its_mind() -> None:
 
 
 def test_a_pair_that_did_not_come_out_is_not_the_one_shown() -> None:
-    rows = [(1, 8, 0, 40.0, 0), (1, 8, 1, 1.0, 1), (2, 8, 0, 9.0, 1), (2, 8, 1, 12.0, 1)]
-    said = finding("figure_5_9", table("block edge steered stray out", *rows))
+    rows = [(0, 1, 8, 0, 40.0, 0), (0, 1, 8, 1, 1.0, 1), (0, 2, 8, 0, 9.0, 1), (0, 2, 8, 1, 12.0, 1)]
+    said = finding("figure_5_9", table("tower block edge steered stray out", *rows))
     assert "ends 12" in said
     assert "nearer in 1;" in said
     assert "and 2 and 1 blocks came out" in said

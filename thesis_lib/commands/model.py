@@ -192,6 +192,7 @@ def export(argv: Sequence[str] | None = None) -> int:
     parser.add_argument("--plane", metavar="AXES", help="of the body to be patched, planar; default: xz")
     points = "in which an edge of it touches; default: 1 or 2, by its geometry"
     parser.add_argument("--points", type=int, metavar="N", help=points)
+    add_option(parser)
     parser.add_argument("-q", "--quiet", action="store_true", help="print only errors to stderr")
     args = parser.parse_args(argv)
     if bool(args.patch) != bool(args.body):
@@ -203,6 +204,7 @@ def export(argv: Sequence[str] | None = None) -> int:
     from thesis_lib.critique.export.export import exported, patched, write
     from thesis_lib.critique.results.load_model import load_model
 
+    load_additions(args.files)
     model, size = load_model(args.model), {"mass": args.mass, "depth": args.depth}
     if args.patch:
         given = {"plane": args.plane, "points": args.points, "surface": args.surface}

@@ -10,7 +10,7 @@ from importlib import import_module
 from thesis_lib.bodies.walls import Wall
 from thesis_lib.effects.at_wall import AtWall, effect_at_wall
 from thesis_lib.effects.effect import FAMILIES, Effect
-from thesis_lib.foundation.errors import UserError
+from thesis_lib.foundation.errors import UserError, suggest
 from thesis_lib.mechanics.space import Space
 
 
@@ -53,7 +53,8 @@ def require_known(names: Iterable[str], walls: Sequence[Wall] | None = None) -> 
     """
     for name in names:
         if name not in EFFECTS:
-            raise UserError(f"There is no effect {name!r}; known are {', '.join(EFFECTS)}.")
+            asked = f": {said}" if (said := suggest(name, EFFECTS)) else ""
+            raise UserError(f"There is no effect {name!r}{asked}; known are {', '.join(EFFECTS)}.")
         effect, there = EFFECTS[name], [wall.name for wall in walls or ()]
         if walls is not None and isinstance(effect, AtWall) and effect.wall not in there:
             known = f"the walls are {', '.join(there)}" if there else "there are no walls (`surfaces` of dataset.yaml)"

@@ -51,7 +51,7 @@ class {camel}(Effect):
         count x, trial and t from rig.reference, and name them in `along`, as in along = ("x",).
         p: the parameters by name.  rig: shape, k_g (m), gravity (m/s²), height (m).
         """
-        change = 0.0 * contact.v_t  # yours goes here: np.abs(space.v_t), np.cos(2.0 * state.theta), ...
+        change = 0.0 * contact.v_t  # yours goes here: np.abs(contact.v_t), np.cos(2.0 * state.theta), ...
         return mu, np.clip(epsilon * (1.0 + p["h"] * change), 0.0, 1.0)
 
     # The other stages: to_true, to_measured, meet (camera), to_contact, from_contact, contact_point, gap,

@@ -67,7 +67,7 @@ def test_it_draws_the_ladder_and_the_map_and_says_what_it_has(found):
 
 
 def test_one_model_with_named_effects_is_one_call(impacts_dataset):
-    model = fit(impacts_dataset, "mirtich", ["tangential_restitution"])
+    model = fit(impacts_dataset, "mirtich", ["tangential_restitution"] * 2)
     e_t = model.parameters["tangential_restitution.e_t"]
     assert abs(e_t.value - E_T) < WITHIN * e_t.std
     assert repr(model) == "<SavedModel of hidden_impacts: mirtich with tangential_restitution>"
@@ -75,6 +75,8 @@ def test_one_model_with_named_effects_is_one_call(impacts_dataset):
         ("mirtisch", (), "no law 'mirtisch'; known are"),
         ("mirtich", ("gravity_waves",), "no effect 'gravity_waves'"),
         ("mirtich", ("linear_drag",), "cannot test the effect linear_drag"),
+        ("mirtich", ("linear_dragg",), "did you mean 'linear_drag'"),
+        ("mirtich", ("later_restitution",), "it is not defined in 2 dimensions"),
     ):
         with pytest.raises(UserError, match=says):
             fit(impacts_dataset, law, effects)

@@ -193,6 +193,7 @@ def numbers(**values: float) -> dict:
         ({"effects": ["other_friction_at_west"]}, "no wall 'west' .* there are no walls"),
         ({"parameters": numbers(tau=-1e-4)}, "tau must be between 0 and"),
         ({"parameters": numbers(tau=1.0)}, "tau must be between 0 and"),
+        ({"parameters": numbers() | {"mu": {"value": 0.2, "unit": "mm"}}}, "mu must be in 1, not in 'mm'"),
         ({"schema": 2}, "schema"),
         ({"colour": "red"}, "colour"),
         ({"rig": {"shape": {"kind": "disk", "radius": -1.0}}}, "radius"),

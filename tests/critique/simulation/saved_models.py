@@ -6,6 +6,8 @@ from thesis_lib.critique.contacts.model import Model
 from thesis_lib.critique.results.saved_in_space import SavedSpaceModel
 from thesis_lib.critique.results.saved_model import SavedModel
 from thesis_lib.effects import EFFECTS
+from thesis_lib.effects.effect import parameters_in
+from thesis_lib.mechanics.space import SPACE
 from thesis_lib.simulate.rig.hidden_causes import ELLIPSE_BODY
 
 BOX = {"kind": "box", "half_extents": (0.05, 0.04, 0.03)}
@@ -16,10 +18,11 @@ def space_model(law: str = "mirtich", shape: dict = BOX, rig: dict | None = None
     """A homogeneous body with this law and these values, by default μ 0.25 and ε 0.5."""
     values = {"mu": 0.25, "epsilon": 0.5, **values}
     names = tuple(dict.fromkeys(name.split(".")[0] for name in values if "." in name))
+    units = {"tau": "s"} | {f"{n}.{p.name}": p.unit for n in names for p in parameters_in(EFFECTS[n], SPACE)}
     body = {"shape": shape, "mass": 0.25, "homogeneous": True}
     return SavedSpaceModel.model_validate(
         {"schema": 1, "dimensions": 3, "dataset": "none", "law": law, "effects": names}
-        | {"parameters": {name: {"value": value, "unit": "1"} for name, value in values.items()}}
+        | {"parameters": {name: {"value": value, "unit": units.get(name, "1")} for name, value in values.items()}}
         | {"rig": {"schema": 2, "body": body, **(rig or {})}}
     )
 

@@ -38,7 +38,7 @@ from thesis_lib.datasets.format.impacts import POSE, V_POST, V_PRE
 from thesis_lib.datasets.format.samples import ArcSettings
 from thesis_lib.datasets.impacts.found import MIN_IMPACTS, MIN_TRIALS, are_enough
 from thesis_lib.datasets.space.flights import too_slow
-from thesis_lib.effects import require_known
+from thesis_lib.effects import EFFECTS, require_known
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.mechanics.contact import velocity_change
 from thesis_lib.mechanics.space import Space
@@ -208,7 +208,7 @@ def fit_model(
         raise too_few(dataset, observations, "a fit needs one or more")
     observations = observations.counted_from(observations.middle)
     world = Drops(predictable(observations, observations, settings), settings)
-    return world.fit(law, tuple(world.candidates[name] for name in effects))
+    return world.fit(law, tuple(world.candidates[name] for name in dict.fromkeys(effects)))
 
 
 def irb_errors(fitted: Fit, observations: Observations) -> np.ndarray:
@@ -253,6 +253,11 @@ def _observed(
     """Impacts and flights of one rigid body, in which the named effects can be tested; UserError otherwise."""
     _refuse_constant(dataset)
     require_known(effects, dataset.header.surfaces or ())
+    for name in effects:
+        if (dimension := dataset.space.dimension) not in EFFECTS[name].dimensions:
+            raise UserError(
+                f"{dataset.name} cannot test the effect {name}: it is not defined in {dimension} dimensions."
+            )
     if dataset.space.is_plane:
         observations = observe(dataset, arcs, settings.episodes, settings.channels)
     else:

@@ -53,6 +53,9 @@ def load_model(path: str | Path) -> SavedModel:
     tau = CONTACT_TIME
     if tau.name in needed and not tau.low <= (lasts := model.values[tau.name]) <= tau.high:
         raise UserError(f"{path}: tau must be between {tau.low:g} and {tau.high:g} s; got {lasts:g}.")
+    for name, p in model.model.parameters.items():
+        if (unit := model.parameters[name].unit) != p.unit:
+            raise UserError(f"{path}: {name} must be in {p.unit}, not in {unit[:20]!r}.")
     try:
         with np.errstate(all="ignore"):
             model.after(model.measured({name: -np.ones(1) for name in (*model.columns, *OPTIONAL)}))

@@ -150,7 +150,7 @@ def check_trajectories(table: UsableRows, rate: float | None) -> None:
     step = np.diff(t, prepend=t[0])
     remedy = "delete the duplicated samples, or log t with more digits"
     table.error("column t", "the time is the same as in the row before", remedy, same & (step == 0.0))
-    remedy = "sort each trial by t, and give each release its own trial number"
+    remedy = "delete a row whose time is wrong, or sort each trial by t; give each release its own trial number"
     table.error("column t", "the time goes backwards within a trial", remedy, same & (step < 0.0))
     if table.complete:
         trials, count = np.unique(trial, return_counts=True)
@@ -194,7 +194,8 @@ def _check_copies(table: UsableRows, columns: list[str]) -> None:
 
 def _check_step(table: UsableRows, step: float, rate: float | None) -> None:
     if step > SLOWEST:
-        hint = "milliseconds" if rate is None or abs(step * rate / 1000.0 - 1.0) < 0.1 else "frame numbers"
+        counted = step == round(step) and rate is not None and abs(step * rate / 1000.0 - 1.0) >= 0.1
+        hint = "frame numbers" if counted else "milliseconds"
         what = f"the median time step is {step:.4g} s, too slow to see a bounce; t looks like {hint}"
         table.error("column t", what, "give t in seconds")
     elif rate is not None and abs(step * rate - 1.0) > RATE_TOLERANCE:
