@@ -9,6 +9,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import chain, combinations
 
+import numpy as np
 import pandas as pd
 
 from thesis_lib.critique.drops.criticise import DropsCritique
@@ -69,7 +70,15 @@ def _standing(
         return OTHER, "lowers no error by an amount that matters"
     if discovery.steps:
         return OTHER, f"too little is left for it with {listed([effect_title(s.effect.name) for s in discovery.steps])}"
+    if gain_low > gain_by_chance(critique):
+        return OTHER, "predicts better, but raises another error on the training trials"
     return OTHER, "gains no more than the best of all does by chance"
+
+
+def gain_by_chance(critique: DropsCritique) -> float:
+    """Gain in nats per impact that the best of all candidates exceeds by chance in a share α of the cases."""
+    null = critique.discovery.first_scan.null
+    return float(np.quantile(null, 1.0 - critique.settings.alpha)) / len(critique.training)
 
 
 def _errors(channels: Sequence[str]) -> str:

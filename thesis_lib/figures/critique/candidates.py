@@ -8,7 +8,7 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import NullLocator
 
 from thesis_lib.critique.drops.criticise import DropsCritique
-from thesis_lib.critique.results.candidates import ALIKE, FOUND, OTHER, REJECTED
+from thesis_lib.critique.results.candidates import ALIKE, FOUND, OTHER, REJECTED, gain_by_chance
 from thesis_lib.critique.results.titles import effect_title
 from thesis_lib.figures.critique.errors import error_dots, set_title
 from thesis_lib.figures.style import BLUE, GREY, RED, YELLOW, Drawn, house_style, new_figure
@@ -34,8 +34,7 @@ def draw_candidates(critique: DropsCritique, table: pd.DataFrame | None) -> Draw
     figure = new_figure(height=1.5 + 0.27 * len(table))
     ax, text = figure.subplots(1, 2, sharey=True, gridspec_kw={"width_ratios": [1.25, 1.0]})
     ax.axvline(0.0, color=GREY, linewidth=0.8)
-    chance = float(np.quantile(critique.discovery.first_scan.null, 1.0 - critique.settings.alpha))
-    ax.axvline(chance / len(critique.training), color=GREY, linestyle=(0, (4, 2)), linewidth=1.0)
+    ax.axvline(gain_by_chance(critique), color=GREY, linestyle=(0, (4, 2)), linewidth=1.0)
     for i, row in table.iterrows():
         one = table.loc[[i]]
         ends = (one[name].clip(lower=FAR_BELOW) for name in ("gain", "gain_low", "gain_high"))
