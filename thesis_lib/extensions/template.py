@@ -55,8 +55,9 @@ class {camel}(Effect):
         return mu, np.clip(epsilon * (1.0 + p["h"] * change), 0.0, 1.0)
 
     # The other stages: to_true, to_measured, meet (camera), to_contact, from_contact, contact_point, gap,
-    # inertia (body), contact_time, impulse (contact), acceleration (flight).  What each is given and must
-    # return: python -c "from thesis_lib.effects.effect import Effect; help(Effect)"
+    # inertia (body), contact_time, impulse (contact), acceleration (flight), and arc where that changes within
+    # 0.1 s.  What each is given and returns: python -c "from thesis_lib.effects.effect import Effect; help(Effect)"
+    # Bodies in space, too: dimensions = IN_SPACE, of thesis_lib.effects.effect
     # Rules: return new arrays; use NumPy, no `if` on a parameter or a state (they may be arrays); what one of a pair
     # does (to_contact) the other must undo (from_contact).
 
