@@ -23,6 +23,7 @@ from thesis_lib.effects.effect import Rig
 from thesis_lib.mechanics.state import State
 
 MOST_HITS = 12  # a body that hits more often has come to rest
+FASTEST = 5e3  # m/s and rad/s; flights of such bodies cannot be followed
 LEAD, MOST_BACK = 2e-3, 8  # s, and times that a body may fly back by it
 LATEST = 8e-3  # s
 LONGEST = 2e-2  # s; longer contacts do not count as hits
@@ -134,8 +135,10 @@ class _Play:
         return None if self.start.surface is None else self.start.surface[rows]
 
     def _set(self, rows: np.ndarray, state: State) -> None:
-        poses = state.space.poses
-        self.motion[rows, :poses], self.motion[rows, poses:] = state.q, state.v
+        poses, v = state.space.poses, state.v
+        # with an inertia that a fit tries, say, an impulse may spin a body up without end: it stops
+        possible = (np.abs(v) < FASTEST).all(axis=1, keepdims=True)
+        self.motion[rows, :poses], self.motion[rows, poses:] = state.q, np.where(possible, v, 0.0)
 
     def _advance(self, rows: np.ndarray) -> None:
         """Fly the bodies `rows` to the end, or to the next hit, which is resolved.
