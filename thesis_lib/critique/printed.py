@@ -21,7 +21,7 @@ def diagnosis_text(content: Mapping) -> str:
     width = max((14, *(len(key) + 2 for key in content["augmented_model"]["parameters"])))
     for key, p in content["augmented_model"]["parameters"].items():
         lines.append(f"    {key:<{width}}{_value(p)}")
-    case, score = ("a window", "window") if "mechanism" in content else ("an impact", "impact")
+    unit = "window" if "mechanism" in content else "impact"
     origins = {one["name"]: origin_text(one) for one in content.get("additions", ())}
     for effect in content["effects"]:
         if effect["name"] in origins:
@@ -32,7 +32,7 @@ def diagnosis_text(content: Mapping) -> str:
             lines.append(f"      {start}")
         gain, (low, high) = effect["gain"], effect["gain"]["interval"]
         lines.append(
-            f"      gains {gain[f'held_out_log_score_per_{score}']:.3g} nats {case} (95 %: {low:.3g} to {high:.3g}), "
+            f"      gains {gain[f'held_out_log_score_per_{unit}']:.3g} nats per {unit} (95 %: {low:.3g} to {high:.3g}), "
             f"p = {gain['p_value']:.2g}"
         )
     if "models" in content:
