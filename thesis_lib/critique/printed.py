@@ -31,9 +31,9 @@ def diagnosis_text(content: Mapping) -> str:
         if start := counted_from(effect["name"], content.get("reference", {}), effect["parameters"]):
             lines.append(f"      {start}")
         gain, (low, high) = effect["gain"], effect["gain"]["interval"]
+        gained = gain[f"held_out_log_score_per_{unit}"]
         lines.append(
-            f"      gains {gain[f'held_out_log_score_per_{unit}']:.3g} nats per {unit} (95 %: {low:.3g} to {high:.3g}), "
-            f"p = {gain['p_value']:.2g}"
+            f"      gains {gained:.3g} nats per {unit} (95 %: {low:.3g} to {high:.3g}), p = {gain['p_value']:.2g}"
         )
     if "models" in content:
         lines += ["", *_models(content["models"])]
