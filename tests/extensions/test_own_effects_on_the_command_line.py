@@ -69,6 +69,9 @@ def test_the_template_becomes_an_effect_by_one_line(tmp_path, capsys):
     path.write_text(template("sticky").replace("0.0 * contact.v_t", "np.abs(contact.v_t)"), encoding="utf-8")
     assert main(["effects", "--check", str(path)]) == 0
     assert f"{len(EFFECT_CHECKS)} of {len(EFFECT_CHECKS)} checks pass" in capsys.readouterr().out
+    path.write_text(path.read_text(encoding="utf-8").replace("def coefficients", "def coeficients"), encoding="utf-8")
+    assert main(["effects", "--check", str(path)]) == 1
+    assert "no stage coeficients (did you mean 'coefficients'?)" in capsys.readouterr().out
 
 
 def test_the_template_is_clean_code():

@@ -30,6 +30,7 @@ from thesis_lib.extensions.effect_probe import (
     tumbling_boxes,
 )
 from thesis_lib.extensions.old_hooks import rewritten
+from thesis_lib.foundation.errors import suggest
 from thesis_lib.mechanics.space import PLANE, SPACE
 from thesis_lib.mechanics.state import State
 
@@ -249,6 +250,10 @@ def acts_in_its_channels(effect: Effect) -> str:
         return "applies_to refuses a polygon with four corners, on which effects are checked"
     sizes, timed = _sizes(effect)
     if not any(sizes.values()):
+        stages = [name for name, of in vars(Effect).items() if callable(of) and not name.startswith("_")]
+        for name, of in vars(type(effect)).items():
+            if callable(of) and name not in dir(Effect) and (said := suggest(name, stages)):
+                return f"effects have no stage {name} ({said}), so it changes nothing"
         raise NothingYet(NOTHING)
     for channel, size in sizes.items():
         if channel in effect.channels and not size > RESOLVED[channel]:
