@@ -74,7 +74,7 @@ def _parser() -> Parser:
 
 
 def _scale_of(results: Path) -> str:
-    """The scale of a run by its provenance; "" if there is none: then no claim is too small to be judged."""
+    """The scale of a run by its provenance; "" without one: then all claims are judged, as at the default scale."""
     from thesis_lib.foundation.files import read_json
 
     provenance = results / "provenance.json"
