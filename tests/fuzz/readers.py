@@ -226,13 +226,14 @@ def _read_claims(folder: Path, out: Path) -> None:
 
 
 def _model_samples() -> list[Sample]:
+    from thesis_lib.contact import LAWS
+    from thesis_lib.critique.contacts.model import Model
     from thesis_lib.effects import EFFECTS
 
     effects = ["com_offset", "wear"]
-    values = {"mu": 0.2, "epsilon": 0.6}
-    values |= {f"{name}.{p.name}": p.null + 0.1 * p.scale for name in effects for p in EFFECTS[name].parameters}
+    made = Model(LAWS["wang_mason"], tuple(EFFECTS[name] for name in effects))
     model = {"schema": 1, "dataset": "drops", "law": "wang_mason", "effects": effects}
-    model |= {"origins": {"wear": {"file": "my_effects.py", "sha256": "0" * 64}}, "parameters": _parameters(values)}
+    model |= {"origins": {"wear": {"file": "my_effects.py", "sha256": "0" * 64}}, "parameters": _parameters(made)}
     ellipse = {"kind": "ellipse", "semi_axes": [0.035, 0.025]}
     rig = {"shape": ellipse, "radius_of_gyration": 0.0192, "gravity": 9.81, "height": 0.0}
     model |= {"scatter": 0.01, "rig": rig}
@@ -242,8 +243,9 @@ def _model_samples() -> list[Sample]:
     return [planar, _model_in_space()]
 
 
-def _parameters(values: dict[str, float]) -> dict:
-    return {name: {"value": value, "std": 0.01, "unit": "1"} for name, value in values.items()}
+def _parameters(made) -> dict:
+    values = {name: p.null + 0.1 * p.scale for name, p in made.parameters.items()} | {"mu": 0.2, "epsilon": 0.6}
+    return {name: {"value": values[name], "std": 0.01, "unit": p.unit} for name, p in made.parameters.items()}
 
 
 def _model_in_space() -> Sample:
@@ -255,11 +257,10 @@ def _model_in_space() -> Sample:
 
     effects = ["com_offset", "wrong_inertia"]
     made = Model(LAWS["mirtich"], tuple(EFFECTS[name] for name in effects), space=SPACE)
-    values = {name: p.null + 0.1 * p.scale for name, p in made.parameters.items()} | {"mu": 0.2, "epsilon": 0.6}
     body = {"shape": {"kind": "box", "half_extents": [0.05, 0.04, 0.03]}, "radii_of_gyration": [0.03, 0.034, 0.037]}
     place = {"tracked": {"position": [0.01, 0, 0.02]}, "surface": {"point": [0, 0, 0.1]}, "gravity": [0, 0, -9.81]}
     model = {"schema": 1, "dimensions": 3, "dataset": "tosses", "law": "mirtich", "effects": effects}
-    model |= {"parameters": _parameters(values), "rig": {"schema": 2, "body": body, **place}}
+    model |= {"parameters": _parameters(made), "rig": {"schema": 2, "body": body, **place}}
     n = np.arange(5.0)
     states = pd.DataFrame(dict.fromkeys((*POSE_IN_SPACE, *V_PRE_IN_SPACE), 0.0), index=n)
     states = states.assign(trial=n, t=n, z=0.15, qw=1.0, vx_pre=0.5, vz_pre=-2.0, wx_pre=n)
