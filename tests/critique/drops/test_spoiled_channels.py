@@ -11,7 +11,7 @@ from thesis_lib.critique.drops.criticise import criticise_drops
 from thesis_lib.critique.drops.judgement import Judgement
 from thesis_lib.critique.drops.settings import CritiqueSettings
 from thesis_lib.critique.drops.world import Drops
-from thesis_lib.critique.likelihood.channels import CHANNELS, FLIGHT, worst_of_noise
+from thesis_lib.critique.likelihood.channels import CHANNELS, FLIGHT, TOUCH, Misfits, worst_of_noise
 from thesis_lib.critique.results.diagnosis import diagnosis
 from thesis_lib.datasets.format.dataset import Dataset
 from thesis_lib.effects import EFFECTS
@@ -31,8 +31,24 @@ def judged(impact: float = 1.0, **sigmas: float) -> Judgement:
 @pytest.mark.parametrize(("size", "components"), [(5, 12), (12, 2), (30, 12), (40, 6)])
 def test_the_worst_of_many_components_of_noise_is_expected_to_be_large(size, components, rng):
     noise = rng.standard_normal((2000, size, components))
-    mean = np.mean([FLIGHT.mean_square(z) for z in noise])
+    mean = np.mean([FLIGHT.mean_square(z, None) for z in noise])
     assert worst_of_noise(size, components) == pytest.approx(mean, rel=0.12)
+
+
+def test_the_gap_of_hits_whose_flights_miss_each_other_aside_says_nothing_in_space(rng):
+    """Behind a median filter an eighth of a cube's single hits had another one beside them, unseen."""
+    n, m = 160, SPACE.motions
+    R, S = rng.standard_normal((n, 2 * m + 1)), np.tile(np.eye(2 * m + 1), (n, 1, 1))
+    R[:20, -1] += 6.0
+    of = SimpleNamespace(space=SPACE, span=np.zeros(n), arcs=True)
+
+    def touch(R):
+        left = Misfits(of, R, S, S, {})
+        return TOUCH.mean_square(TOUCH.in_sigmas(left), left)
+
+    assert touch(R) > 4.0  # a corner that is round, say
+    R[:20, m] += 8.0
+    assert touch(R) == pytest.approx(1.0, abs=0.5)
 
 
 @pytest.mark.parametrize("channel", CHANNELS)

@@ -105,7 +105,7 @@ def judge(fitted: Fit, o: Observations) -> Judgement:
     R, S, sigmas = left.R, left.sharp, {}
     for name in present(left.beside):
         z = CHANNELS[name].in_sigmas(left)
-        sigmas[name] = np.nan if z is None else CHANNELS[name].mean_square(z)
+        sigmas[name] = np.nan if z is None else CHANNELS[name].mean_square(z, left)
         if z is not None and not o.space.is_plane:
             sigmas[name] /= worst_of_noise(*z.shape)
     m = o.space.motions
