@@ -5,9 +5,12 @@ import pandas as pd
 import pytest
 from folders import DISK, bouncing_disk, header, impacts, only, refusal, trajectories, write
 
+from tests.datasets.bouncing import ellipse_header, fly
 from thesis_lib.datasets import read_dataset
 from thesis_lib.datasets.format.dataset import Dataset
+from thesis_lib.datasets.format.impacts import V_POST, V_PRE
 from thesis_lib.datasets.format.write import write_dataset
+from thesis_lib.datasets.impacts.detect import find_impacts
 
 DEG = 180.0 / np.pi
 
@@ -74,6 +77,7 @@ def test_dice_in_wrong_units(dice, tmp_path, columns, factor, message):
     ("columns", "factor", "message"),
     [
         (("theta",), DEG, "column theta: looks like degrees"),
+        (("theta",), 1.0 / DEG, "column theta: looks like radians that were read as degrees: at 1718 impacts"),
         (("omega_pre", "omega_post"), DEG, "look like degrees per second"),
         (("x", "y"), 1000.0, "columns x, y: looks like millimetres"),
         (("r_x", "r_y"), 1000.0, "columns r_x, r_y: look like millimetres"),
@@ -84,6 +88,44 @@ def test_dice_in_wrong_units(dice, tmp_path, columns, factor, message):
 def test_impacts_in_wrong_units(ellipse, tmp_path, columns, factor, message):
     table = ellipse.impacts.assign(**{name: ellipse.impacts[name] * factor for name in columns})
     assert message in refusal(rewritten(ellipse, tmp_path, impacts=table))
+
+
+def test_radians_that_were_read_as_degrees_are_named(tmp_path):
+    head = ellipse_header().model_dump(mode="json", by_alias=True, exclude_none=True)
+    flown = fly(ellipse_header(), np.random.default_rng(5), 30)
+    hits = pd.DataFrame(
+        np.hstack([flown.hit_q, flown.hit_pre, flown.hit_post]), columns=["x", "y", "theta", *V_PRE, *V_POST]
+    )
+    hits = hits.assign(trial=np.arange(len(hits)), impact=0)
+    for name, factor in (("right", 1.0), ("wrong", 1.0 / DEG)):
+        tables = {"trajectories": flown.table, "impacts": hits}
+        tables = {key: table.assign(theta=factor * table["theta"]) for key, table in tables.items()}
+        both = [write(tmp_path / f"{name} {key}", head, **{key: table}) for key, table in tables.items()]
+        if name == "right":
+            assert all(len(find_impacts(read_dataset(folder)).impacts) for folder in both)
+            continue
+        for read, folder in zip((lambda folder: find_impacts(read_dataset(folder)), read_dataset), both):
+            assert "column theta: looks like radians that were read as degrees" in refusal(folder, read)
+
+
+@pytest.mark.parametrize("straight", [False, True])
+@pytest.mark.parametrize(("name", "factor"), [("x", 1e-3), ("y", 1e-3), ("x", 1e3)])
+def test_a_column_in_another_unit_is_named_also_of_straight_drops(tmp_path, name, factor, straight):
+    frame, rng = bouncing_disk(position=1e-4), np.random.default_rng(3)
+    if straight:
+        frame["x"] = 1e-3 * np.sin(frame["trial"]) + rng.normal(0.0, 1e-4, len(frame))
+    assert read_dataset(disk(tmp_path / "right", frame)).warnings == ()
+    text = only(disk(tmp_path / "wrong", frame.assign(**{name: factor * frame[name]})))
+    fast = factor > 1.0 and not straight
+    assert f"column {name}: {'looks like millimetres' if fast else 'is not in the unit of the others'}" in text
+
+
+def test_x_of_an_encoder_is_in_m(tmp_path):
+    """It is thirty times as good as the camera, or exact."""
+    frame, rng = bouncing_disk(), np.random.default_rng(3)
+    for number, noise in enumerate((7e-6, 0.0)):
+        x = 0.05 * frame["t"] + noise * rng.normal(size=len(frame))
+        assert read_dataset(disk(tmp_path / f"{number}", frame.assign(x=x))).warnings == ()
 
 
 def test_impacts_in_degrees_without_contact_points(ellipse, tmp_path):

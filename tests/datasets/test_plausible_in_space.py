@@ -47,6 +47,14 @@ def test_lengths_in_other_units_are_refused(factor, unit):
     assert "columns x, y, z: look like cm: 8 free flights fall so" in said(trajectories=slow[slow["t"] < 0.18])
 
 
+@pytest.mark.parametrize("axis", ["x", "z"])
+def test_an_axis_in_another_unit_is_named(axis):
+    frame = flights()
+    assert f"column {axis}: is not in the unit of the others" in said(
+        trajectories=frame.assign(**{axis: 1e-3 * frame[axis]})
+    )
+
+
 def test_gravity_along_another_axis_is_refused_with_the_one_to_write():
     text = said(header(gravity=[0, -9.81, 0], surface=None), trajectories=flights())
     assert "gravity: nothing falls along the stated gravity; 8 free flights fall along [" in text

@@ -53,3 +53,15 @@ from thesis_lib.contact import LAWS as LIBRARY
 
 LAW = replace(LIBRARY["mirtich"], name="my_law", title="my law", reference="nobody")
 """
+LAW_THAT_FAILS = """
+from dataclasses import replace
+
+from thesis_lib.contact import LAWS as LIBRARY
+
+
+def impulse(contact, mu, epsilon):
+    return 1 / 0
+
+
+LAW = replace(LIBRARY["mirtich"], name="my_law", title="my law", reference="nobody", impulse=impulse)
+"""

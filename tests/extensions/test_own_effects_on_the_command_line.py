@@ -1,6 +1,7 @@
 """`effects --check`, `effects --new`, and --effects of the other commands, as a user meets them."""
 
 import json
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -41,6 +42,28 @@ def test_check_says_why_a_check_fails_with_exit_code_1(tmp_path, capsys):
     assert main(["effects", "--check", str(path), "--json"]) == 1
     rows = json.loads(capsys.readouterr().out)
     assert [row["check"] for row in rows if row["verdict"] == "FAIL"] == ["changes nothing at its null"]
+
+
+@pytest.mark.parametrize("text", [own_files.NO_IDENTITY.replace(f'"{NAME}"', '"wear"'), own_files.LAW_THAT_FAILS])
+def test_check_refuses_a_name_of_the_library_whatever_else_is_wrong(text, tmp_path, capsys):
+    path = tmp_path / "taken.py"
+    path.write_text(text.replace('"my_law"', '"mirtich"'), encoding="utf-8")
+    assert main(["effects", "--check", str(path)]) == 2
+    out, err = capsys.readouterr()
+    assert out == "" and re.search("the name '(mirtich|wear)' is that of .* of the library; give your", err)
+
+
+def test_check_says_one_fault_once_with_the_number_of_checks_that_meet_it(tmp_path, capsys):
+    path = tmp_path / "fails.py"
+    path.write_text(own_files.LAW_THAT_FAILS, encoding="utf-8")
+    n = len(LAW_CHECKS) + len(SPACE_CHECKS)
+    assert main(["effects", "--check", str(path)]) == 1
+    _, passed, failed, last = capsys.readouterr().out.splitlines()
+    assert passed == f"  pass  {LAW_CHECKS[0].name}" and last == f"{n - 1} of {n} checks fail"
+    fault = "ZeroDivisionError: division by zero (fails.py, line 8)"
+    assert failed == f"  FAIL  {LAW_CHECKS[1].name}: {fault}; {n - 2} more checks fail in the same way"
+    assert main(["effects", "--check", str(path), "--json"]) == 1
+    assert len(json.loads(capsys.readouterr().out)) == n
 
 
 def test_check_of_a_file_that_cannot_be_loaded_has_exit_code_2(tmp_path, capsys):

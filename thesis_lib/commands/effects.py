@@ -5,22 +5,27 @@ Also the option --effects of other commands: effects and laws of one's own, from
 
 import argparse
 import json
+import re
 import sys
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from thesis_lib.foundation.command_line import FAILED, Parser, command
 from thesis_lib.foundation.errors import UserError
+
+if TYPE_CHECKING:
+    from thesis_lib.extensions.contract import CheckResult
 
 DESCRIPTION = """\
 List every candidate effect: equation, parameters with unit and bounds, and source; those of installed packages, too.
 
 An effect or an impact law of your own is a Python file, anywhere but in a folder with data. --new begins one, --check
-holds it against what all effects and laws of the library must do (a line a check, with the reason where it fails), and
-critique, predict and simulate take it with --effects FILE.py. Such a file is a program that runs with your permissions:
-read what others wrote before you let it run.
+holds it against what all effects and laws of the library must do (a line a check; checks that fail for one reason share
+a line), and critique, predict and simulate take it with --effects FILE.py. Such a file is a program that runs with your
+permissions: read what others wrote before you let it run.
 
-Exit code: 0; 1 if a check fails; 2 if a file cannot be loaded.
+Exit code: 0; 1 if a check fails; 2 if a file cannot be loaded, or a name in it is taken.
 """
 EXAMPLES = """\
 examples:
@@ -89,21 +94,18 @@ def _new(name: str, as_json: bool) -> int:
 
 def _check(files: Sequence[str], as_json: bool) -> int:
     from thesis_lib.extensions.loading import read_file, results
-    from thesis_lib.extensions.registry import add
+    from thesis_lib.extensions.registry import add, require_free
 
     rows: list[dict[str, str]] = []
     for path in files:
         loaded = read_file(path, say=note)
+        require_free(loaded)
         for kind, name, outcomes in results(loaded):
+            rows += [{"file": path, "kind": kind, "name": name} | vars(outcome) for outcome in outcomes]
             if not as_json:
-                print(f"{path}: the {kind} {name}")
-            for outcome in outcomes:
-                rows.append({"file": path, "kind": kind, "name": name} | vars(outcome))
-                if not as_json:
-                    why = f": {outcome.reason}" if outcome.reason else ""
-                    print(f"  {outcome.verdict:<5} {outcome.check}{why}")
+                print("\n".join([f"{path}: the {kind} {name}", *_lines(outcomes)]))
         if not any(row["verdict"] == "FAIL" for row in rows):
-            add(loaded)  # names and titles must be free; what the next file holds must go with it
+            add(loaded)  # what the next file holds must go with it
     failed = sum(row["verdict"] == "FAIL" for row in rows)
     to_do = sum(row["verdict"] == "to do" for row in rows)
     if as_json:
@@ -113,6 +115,18 @@ def _check(files: Sequence[str], as_json: bool) -> int:
     else:
         print(f"{len(rows) - to_do} of {len(rows)} checks pass" + (", the other waits for an equation" * bool(to_do)))
     return FAILED if failed else 0
+
+
+def _lines(outcomes: Sequence["CheckResult"]) -> Iterator[str]:
+    """A line a check; a fault that several checks meet stands at the first, with the number of the others."""
+    reasons = [re.sub(r" \(\S+, line \d+\)$", "", outcome.reason) for outcome in outcomes]
+    for i, (outcome, reason) in enumerate(zip(outcomes, reasons)):
+        if reason and reason in reasons[:i]:
+            continue
+        more = reasons.count(reason) - 1 if reason else 0
+        why = f": {outcome.reason}" if reason else ""
+        also = f"; {more} more check{'s fail' if more > 1 else ' fails'} in the same way" if more else ""
+        yield f"  {outcome.verdict:<5} {outcome.check}{why}{also}"
 
 
 def effects_text() -> str:

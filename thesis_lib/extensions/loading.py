@@ -33,7 +33,7 @@ from thesis_lib.datasets.format.folder import holds_data
 from thesis_lib.effects import Effect
 from thesis_lib.extensions import effect_contract, law_contract
 from thesis_lib.extensions.contract import CheckResult, outcomes, raised
-from thesis_lib.extensions.registry import PACKAGE, VERSION, Loaded, Origin, add, contents
+from thesis_lib.extensions.registry import PACKAGE, VERSION, Loaded, Origin, add, contents, require_free
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.foundation.regular_file import FileProblem, read_bytes
 
@@ -57,6 +57,7 @@ def load(files: Iterable[str | Path] = (), *, data: Iterable[str | Path] = (), s
         UserError: a file that is none, lies in a folder with data, fails, holds no effect or law, or breaks a contract.
     """
     for loaded in (*installed(), *(read_file(path, data=data, say=say) for path in files)):
+        require_free(loaded)
         require_contracts(loaded)
         add(loaded)
     return contents()

@@ -89,7 +89,7 @@ def add(loaded: Loaded) -> None:
     Raises:
         UserError: a name or title that cannot be used, or is taken; then none of them joins.
     """
-    _require_free(loaded)
+    require_free(loaded)
     for (kind, name), origin in list(_ADDED.items()):
         if _same_place(origin, loaded.origin):
             del _ADDED[kind, name]
@@ -107,7 +107,8 @@ def _same_place(one: Origin, other: Origin) -> bool:
     return (one.file, one.package) == (other.file, other.package)
 
 
-def _require_free(loaded: Loaded) -> None:
+def require_free(loaded: Loaded) -> None:
+    """Refuse names and titles that cannot be used, or that something from elsewhere has."""
     origin = loaded.origin
     taken: dict[str, str] = {}  # name or title -> whose it is
     libraries: tuple[tuple[Kind, Mapping[str, Effect | Law]], ...] = (("effect", EFFECTS), ("law", LAWS))

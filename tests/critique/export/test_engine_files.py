@@ -22,6 +22,7 @@ from engine_runs import (
     steep,
 )
 
+from tests.critique.simulation import saved_models
 from thesis_lib.bodies.body import Body
 from thesis_lib.bodies.shapes import Disk, Polygon
 from thesis_lib.critique.export.export import body_of, exported, patched
@@ -185,6 +186,20 @@ def test_what_is_assumed_is_said():
     said = exported(short, "mjcf", mass=MASS)
     assert any(line.startswith("contact time: ") for line in said.left_out)
     assert "mirtich, is another contact than MuJoCo's" in said.content.decode()
+
+
+@pytest.mark.parametrize("target", FORMATS)
+def test_what_was_fitted_beyond_what_an_engine_can_hold_is_said(target):
+    fitted = {"mu": -0.2, "epsilon": -0.1}
+    made = exported(saved_models.model_of(body=BODIES["ellipse"], **fitted), target, mass=MASS)
+    text = made.content.decode()
+    for name, value, held in (("mu", -0.2, 0), ("epsilon", -0.1, 0.01)):
+        said = f"{name}: fitted as {value}, less than an engine can hold; {held} was written"
+        assert said in made.left_out and said in text
+    assert "friction: mu = 0, not as fitted" in text and "restitution: 0.01, not as fitted" in text
+    assert "-0.2" not in text[text.index("-->") :]
+    within = exported(saved_models.model_of(body=BODIES["ellipse"], mu=0.2, epsilon=1.0), target, mass=MASS)
+    assert not any("engine can hold" in line for line in within.left_out)
 
 
 def test_sizes_that_cannot_be_are_refused():

@@ -32,7 +32,7 @@ from thesis_lib.statistics.wording import bounded
 FORMATS = ("mjcf", "sdf", "urdf")
 NO_MASS = 1.0  # kg, of a model whose mass nobody gave
 NO_TIME = 1e-3  # s, of a contact whose time no trajectory shows
-LEAST = 0.01  # ε below which no damper of an engine goes
+LIMITS = {"mu": (0.0, np.inf), "epsilon": (0.01, 1.0)}  # of what an engine can hold: no damper goes lower
 SHARP = 1e-6  # m; radius of the sphere at a sharp corner
 UPRIGHT = np.array([1.0, 0.0, 0.0, 0.0])  # no turn
 Left = tuple[tuple[str, str], ...]
@@ -122,8 +122,9 @@ class ExportedBody:
 def contact_of(model: SavedModel, target: str) -> dict:
     """Fields of `ExportedBody` that every body has: its contact, and the effects of its model."""
     values, space = model.values, model.space
-    time, speed = _contact_time(model)
-    left_out = [(name, reason(name, target, space)) for name in model.effects if not written(name, target, space)]
+    held, left_out = _held(model)
+    time, speed = _contact_time(model, held["epsilon"])
+    left_out += [(name, reason(name, target, space)) for name in model.effects if not written(name, target, space)]
     if "stiction_tolerance" in values:
         left_out.append(("stiction_tolerance", "a property of Drake's plant: plant.set_stiction_tolerance(...)"))
     if DAMPING_RATIO.name in values and target != "mjcf":
@@ -134,8 +135,7 @@ def contact_of(model: SavedModel, target: str) -> dict:
         left_out.append(("scatter", f"{model.scatter:g} m/s after impact that no effect explains"))
     return {
         "model": model,
-        "mu": values.get("mu", 0.0),
-        "epsilon": max(values.get("epsilon", 0.0), LEAST),
+        **held,
         "contact_time": time or NO_TIME,
         "time_known": bool(time),
         "speed": speed,
@@ -153,9 +153,21 @@ def require_size(name: str, value: float | None, most: float = np.inf) -> None:
         raise UserError(f"--{name} must be a positive number{'' if most == np.inf else ' in m'}; got {value}.")
 
 
-def _contact_time(model: SavedModel) -> tuple[float, float | None]:
+def _held(model: SavedModel) -> tuple[dict[str, float], list[tuple[str, str]]]:
+    """μ and ε as an engine can hold them, and what to say of each that was fitted beyond."""
+    held, beyond = {}, []
+    for name, limits in LIMITS.items():
+        fitted = model.values.get(name, 0.0)
+        held[name] = float(np.clip(fitted, *limits))
+        if held[name] != fitted:
+            than = "less" if fitted < held[name] else "more"
+            beyond.append((name, f"fitted as {fitted:g}, {than} than an engine can hold; {held[name]:g} was written"))
+    return held, beyond
+
+
+def _contact_time(model: SavedModel, epsilon: float) -> tuple[float, float | None]:
     """T in s of a central contact (0 if unknown), and the speed in m/s at which ε and T hold (None: any)."""
-    tau, epsilon = model.values.get(CONTACT_TIME.name, 0.0), max(model.values["epsilon"], LEAST)
+    tau = model.values.get(CONTACT_TIME.name, 0.0)
     force = model.model.law.force
     speed = SPEED if isinstance(force, HuntCrossley) else None
     return (duration(tau, epsilon) if not tau or force is None else tau * force.lasting(epsilon)), speed
@@ -204,6 +216,8 @@ def story(solid: ExportedBody, engine: Sequence[str]) -> list[str]:
     left = [f"  {name}: {why}" for name, why in solid.left_out] or ["  (nothing)"]
     fitted = ", ".join(f"{name} {_sized(p)}" for name, p in m.parameters.items())
     time = "from the fitted tau" if solid.time_known else f"{NO_TIME:g} s, as impacts alone show none"
+    beyond = dict(solid.left_out)
+    mu, epsilon = (f"{getattr(solid, name):g}, {'not as ' * (name in beyond)}fitted" for name in LIMITS)
     when = "at any speed" if solid.speed is None else f"at {solid.speed:g} m/s"
     return [
         f"Written by python -m thesis_lib export from a model of {m.dataset or 'drops'}: {m.law.replace('_', ' ')}"
@@ -212,8 +226,8 @@ def story(solid: ExportedBody, engine: Sequence[str]) -> list[str]:
         "",
         *solid.said,
         f"centre of mass: {'fitted (com_offset)' if 'com_offset' in m.effects else 'as believed'}",
-        f"friction: mu = {solid.mu:g}, fitted",
-        f"restitution: {solid.epsilon:g}, fitted, of a central impact {when}",
+        f"friction: mu = {mu}",
+        f"restitution: {epsilon}, of a central impact {when}",
         f"contact time: {solid.contact_time:.6g} s, {time}",
         f"surface: through {n(solid.surface.origin)} m, with the normal {n(solid.normal)}",
         f"gravity: {n(solid.gravity)} m/s^2",

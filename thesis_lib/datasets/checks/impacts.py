@@ -9,6 +9,7 @@ import numpy as np
 
 from thesis_lib.bodies.shapes import Shape
 from thesis_lib.datasets.checks.known_body import (
+    ALREADY_RADIANS,
     LARGEST_HEIGHT,
     LARGEST_SPEED,
     METRES,
@@ -17,6 +18,7 @@ from thesis_lib.datasets.checks.known_body import (
     UPWARDS,
     KnownBody,
     contradictions,
+    radians_as_degrees,
 )
 from thesis_lib.datasets.format.impacts import POSE, V_POST, V_PRE
 from thesis_lib.datasets.format.validate import UsableRows
@@ -61,6 +63,9 @@ def _contradicts_shape(table: UsableRows, q: np.ndarray, shape: Shape, height: f
         q = np.column_stack([q[:, 0], height - r_y, q[:, 2]])
     elif np.quantile(np.abs(q[:, 1] - height), 0.1) > LARGEST_HEIGHT * shape.extent:
         return False
+    if what := radians_as_degrees(shape, q):
+        table.error("column theta", what, ALREADY_RADIANS)
+        return True
     wrong = contradictions(shape, height, q)
     # if the poses fit when read as degrees, the unit of the angle is wrong and not the shape
     if wrong and contradictions(shape, height, q * [1.0, 1.0, TO_RAD]):

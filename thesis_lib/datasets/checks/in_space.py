@@ -14,10 +14,11 @@ from scipy.spatial.transform import Rotation
 
 from thesis_lib.datasets.checks.copied_releases import copied_releases, copies_text
 from thesis_lib.datasets.checks.jumps import NO_JUMPS, Jumps, place_jumps, turn_jumps
-from thesis_lib.datasets.checks.known_body import FILE, LARGEST_BODY, LARGEST_SPEED, METRES
-from thesis_lib.datasets.checks.trajectories import DENSEST, LARGEST_GRAVITY
+from thesis_lib.datasets.checks.known_body import FILE, LARGEST_BODY, LARGEST_SPEED, METRES, ONE_UNIT, unlike_column
+from thesis_lib.datasets.checks.trajectories import DENSEST, LARGEST_GRAVITY, runs_of
 from thesis_lib.datasets.format.frames import body_states, surface_frames, tracked_states
 from thesis_lib.datasets.format.header import SpaceHeader
+from thesis_lib.datasets.format.samples import Samples, noise_from_differences
 from thesis_lib.datasets.format.table_forms import POSITION, QUATERNION, V_POST_IN_SPACE, V_PRE_IN_SPACE
 from thesis_lib.datasets.format.validate import UsableRows, ValidationReport
 from thesis_lib.datasets.space.falling_body import reading_that_falls
@@ -197,6 +198,9 @@ def check_motion(table: UsableRows, header: SpaceHeader) -> None:
     if (fast := float(np.quantile(speed, 0.9))) > LARGEST_SPEED:
         what = f"look like millimetres or centimetres (speeds reach {fast:.0f} m/s)"
         return table.error("columns x, y, z", what, METRES)
+    noise = noise_from_differences(Samples(trial, t, position, runs_of(trial, t)))
+    if found := unlike_column(noise, position, header.body.solid.extent):
+        return table.error(f"column {POSITION[found[0]]}", found[1], ONE_UNIT)
     g = np.array(header.gravity)
     facts = motion_facts(table.data, header)
     if g.any() and not facts.flights:

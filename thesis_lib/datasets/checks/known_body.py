@@ -27,12 +27,18 @@ FACTORS = {  # likely causes of a shape that is too large by a factor
     100.0: "centimetres?",
     1000.0: "millimetres?",
 }
+UNLIKE = (300.0, 3000.0)  # noise of one column over that of another that is in mm and not in m; else at most tens
+NOISY = 1e-5  # m; below, the noise may be that of digits, or a simulation has none
+STILL, SHAKY = 0.1, 0.03  # extents of noise that no motion is taken for, and beyond which a column is no length in m
+FITS_BETTER = 3.0  # times by which the heights at impact scatter less if angles are in the right unit
 ROUNDED = 1e-3  # relative; numbers in dataset.yaml may have three digits
 NEAR = 0.15  # relative distance to such a factor
 
 BELIEVED = 3.0  # standard uncertainties by which what a header says of one body may differ
 
 RADIANS = "give theta in radians (and omega in rad/s): multiply by pi/180, or --units deg of the init command"
+ONE_UNIT = "give every column in m; the unit that the log's header or --units gives one of them is wrong"
+ALREADY_RADIANS = "multiply theta (and omega) by 180/pi; the unit that the log's header or --units gives it is wrong"
 METRES = "give lengths in m: divide by 1000 if they are in millimetres, by 100 if in centimetres"
 SHAPE_METRES = METRES + " (--shape of the init command takes m, whatever --units says of the log)"
 UPWARDS = "y must point up, away from the surface: flip its sign (and that of theta if that turns clockwise then)"
@@ -71,6 +77,49 @@ class KnownBody:
         if np.mean(y < self.height) <= 0.5:
             return ""
         return f"the body's centre is below the surface ({self.height:g} m) in most rows"
+
+
+def unlike_column(noise: np.ndarray, position: np.ndarray, extent: float) -> tuple[int, str] | None:
+    """Which column of a position (n, d) in m is in another unit than all others, and how that shows; None: none is.
+
+    One camera sees all with like noise (d,), in m: how far a body moves says less, as drops may go straight down.
+    `extent` in m, of the body: in a column that is a thousand times too small none moves as far.
+    """
+    for i, own in enumerate(noise):
+        others = np.delete(noise, i)
+        moves = float(np.diff(np.quantile(position[:, i], (0.01, 0.99)))[0])
+        smaller, larger = (bool(np.all((r > UNLIKE[0]) & (r < UNLIKE[1]))) for r in (others / own, own / others))
+        if not others.min() > NOISY:
+            continue
+        if smaller and moves < extent and others.max() < STILL * extent:
+            seen, read = f"{others.min() / own:.0f} times less than", "metres read as millimetres?"
+        elif larger and own > SHAKY * extent:
+            seen, read = f"{own / others.max():.0f} times as much as", "millimetres read as metres?"
+        else:
+            continue
+        return i, f"is not in the unit of the others: it scatters {seen} they do, and moves by {moves:.2g} m; {read}"
+    return None
+
+
+def radians_as_degrees(shape: Shape, q: np.ndarray) -> str:
+    """How poses q (n, 3) at impact, in m and rad, show that radians were read as degrees; "" if they do not.
+
+    The heights of the centre then follow the shape at angles 180/π times as large.
+    """
+
+    def scatter(theta: np.ndarray) -> float:
+        gap = q[:, 1] + shape.contact_point(theta)[:, 1]
+        return float(np.median(np.abs(gap - np.median(gap))))
+
+    if len(q) < FEW_HITS:
+        return ""
+    as_given, as_radians = scatter(q[:, 2]), scatter(q[:, 2] / TO_RAD)
+    if as_given <= FITS_BETTER * as_radians:
+        return ""
+    return (
+        f"looks like radians that were read as degrees: at {len(q)} impacts the height of the centre fits the shape to "
+        f"{1e3 * as_radians:.2g} mm and not {1e3 * as_given:.2g} mm if angles are 180/pi times as large"
+    )
 
 
 def contradictions(shape: Shape, height: float, q: np.ndarray) -> list[Problem]:

@@ -3,6 +3,7 @@
 - y points down if bodies clearly fall towards larger y, whatever the stated surface.
 - Lengths are judged by their ratio to the body (positions always more than 300 extents from the surface) and by speeds
   (above 100 m/s).
+- x in another unit than y is recognised by noise of another size: one camera sees both.
 - Gravity is measured in free flight (windows of samples that are parabolas).  A factor beyond any effect of a rig is an
   error, reported with its likely cause.
 - Angles are judged by lengths (`angles`), and not at all if lengths or the shape are in doubt.  Shape and surface are
@@ -27,10 +28,12 @@ from thesis_lib.datasets.checks.known_body import (
     LARGEST_HEIGHT,
     LARGEST_SPEED,
     METRES,
+    ONE_UNIT,
     SHAPE_METRES,
     UPWARDS,
     KnownBody,
     contradictory_body,
+    unlike_column,
 )
 from thesis_lib.datasets.format.header import Header
 from thesis_lib.datasets.format.samples import Samples, noise_from_differences
@@ -88,13 +91,14 @@ def check_trajectories(table: UsableRows, body: KnownBody) -> None:
         return
     poses = {"x": x, "y": y, "theta": theta}
     speeds = {name: np.abs(np.diff(values))[usable] / dt[usable] for name, values in poses.items()}
-    samples = Samples(trial, t, np.column_stack([x, y, theta]), _runs_of(trial, t))
+    samples = Samples(trial, t, np.column_stack([x, y, theta]), runs_of(trial, t))
     noise = noise_from_differences(samples)
     if body.gravity == 0.0:
         return _check_on_a_table(table, samples, speeds, noise, body)
     fall = _first_acceleration(trial, y, float(np.median(dt[usable]))) / -body.gravity
     doubtful = _check_direction(table, samples, noise, body)
     doubtful |= _check_lengths(table, x, y, speeds, body, fall)
+    doubtful = doubtful or _check_columns(table, samples, noise, body)
     if not doubtful and body.gravity <= LARGEST_GRAVITY:
         doubtful = _check_gravity(table, samples, noise, body)
     if not doubtful and not body.oversized:  # angles are judged by positions and by the shape
@@ -111,6 +115,7 @@ def _check_on_a_table(table: UsableRows, samples: Samples, speeds: dict, noise: 
                 f"column {name}", f"looks like millimetres or centimetres (speeds reach {fast:.0f} m/s)", METRES
             )
             doubtful = True
+    doubtful = doubtful or _check_columns(table, samples, noise, body)
     for wall in body.walls:
         behind = (q[:, :2] - wall.point) @ wall.n < 0.0
         if not doubtful and behind.mean() > 0.5:
@@ -174,6 +179,16 @@ def _check_lengths(table: UsableRows, x: np.ndarray, y: np.ndarray, speeds: dict
     return bool(doubts)
 
 
+def _check_columns(table: UsableRows, samples: Samples, noise: np.ndarray, body: KnownBody) -> bool:
+    """Report x in another unit than y, or y than x; whether it is so."""
+    if body.shape is None or body.oversized:
+        return False
+    found = unlike_column(noise[:2], samples.q[:, :2], body.shape.extent)
+    if found is not None:
+        table.error(f"column {'xy'[found[0]]}", found[1], ONE_UNIT)
+    return found is not None
+
+
 def _check_gravity(table: UsableRows, samples: Samples, noise: np.ndarray, body: KnownBody) -> bool:
     """Report falls faster or slower than stated by a factor beyond any effect of a rig; whether there are any."""
     accelerations, n = _free_accelerations(samples, noise[1], FALL_PRECISION)
@@ -200,7 +215,7 @@ def _check_gravity(table: UsableRows, samples: Samples, noise: np.ndarray, body:
     return True
 
 
-def _runs_of(trial: np.ndarray, t: np.ndarray) -> np.ndarray:
+def runs_of(trial: np.ndarray, t: np.ndarray) -> np.ndarray:
     """Integers (N,) that are constant over the rows of a trial without a gap in the times `t` (N,), in s."""
     step = np.diff(t)
     usable = (trial[1:] == trial[:-1]) & (step > 0.0)

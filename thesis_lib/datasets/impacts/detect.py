@@ -13,7 +13,7 @@ import numpy as np
 import pandas as pd
 
 from thesis_lib.datasets.checks.gap_line import GapLine, gap_line, sunk
-from thesis_lib.datasets.checks.known_body import contradictions
+from thesis_lib.datasets.checks.known_body import ALREADY_RADIANS, contradictions, radians_as_degrees
 from thesis_lib.datasets.checks.lasting_contacts import LastingContacts, lasting_contacts
 from thesis_lib.datasets.flights.arcs import ArcFits, fit_arcs
 from thesis_lib.datasets.flights.drag import air_in, air_sentence, breaks_lines, window_in
@@ -42,7 +42,7 @@ from thesis_lib.datasets.flights.rounding import (
 from thesis_lib.datasets.format.header import Header
 from thesis_lib.datasets.format.impacts import Impacts
 from thesis_lib.datasets.format.samples import ArcSettings, Samples, make_samples, noise_from_differences
-from thesis_lib.datasets.format.validate import DatasetError
+from thesis_lib.datasets.format.validate import DatasetError, Problem
 from thesis_lib.datasets.impacts.at_walls import on_floors
 from thesis_lib.datasets.impacts.energy import contact_step, energy_gain, gain_sentence, step_sentence
 from thesis_lib.datasets.impacts.found import ARC_COLUMNS, LEFT_OUT_COLUMNS, FoundImpacts, arc_table, ordinals
@@ -88,7 +88,10 @@ def find_impacts(dataset: "Dataset", settings: ArcSettings | None = None) -> Fou
         detected = replace(detected, warnings=(*detected.warnings, spin_sentence(detected.impacts, header)))
     # soft contacts and those of a simulation's step are not where the body touches
     touches = detected.soft is None and not detected.step
-    if touches and (wrong := contradictions(header.body.shape, header.surface.height, detected.impacts.q)):
+    shape, poses = header.body.shape, detected.impacts.q
+    if touches and (what := radians_as_degrees(shape, poses)):
+        raise DatasetError(dataset.name, [Problem("trajectories.csv", "column theta", what, ALREADY_RADIANS)])
+    if touches and (wrong := contradictions(shape, header.surface.height, poses)):
         raise DatasetError(dataset.name, wrong)
     return detected
 

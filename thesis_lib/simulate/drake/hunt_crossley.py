@@ -38,8 +38,11 @@ def dissipation(epsilon: float, speed: float = REFERENCE_SPEED) -> float:
     def excess(D: float) -> float:
         return D * (1.0 + epsilon) - math.log((1.0 + D) / (1.0 - epsilon * D))
 
-    # positive for small D, as 1 − ε > 0, and negative near the pole
-    return brentq(excess, 1e-3 * (1.0 - epsilon), (1.0 - 1e-12) / epsilon) / speed  # pyright: ignore[reportOperatorIssue]
+    # positive for small D, as 1 − ε > 0, and negative near the pole; where ε is below 0.04, the zero is nearer yet
+    most = (1.0 - 1e-12) / epsilon
+    if excess(most) >= 0.0:
+        return most / speed
+    return brentq(excess, 1e-3 * (1.0 - epsilon), most) / speed  # pyright: ignore[reportOperatorIssue]
 
 
 def restitution(d: float, speed: float) -> float:
