@@ -152,6 +152,12 @@ def rotated(q: np.ndarray, u: np.ndarray) -> np.ndarray:
     return by_column("rotated", q, u)
 
 
+def about_normal(angle: np.ndarray | float, u: np.ndarray) -> np.ndarray:
+    """Vectors u (2 or 3, ..., n) turned by `angle` (n,) in rad about the third axis."""
+    cos, sin = np.cos(angle), np.sin(angle)
+    return np.stack([cos * u[0] - sin * u[1], sin * u[0] + cos * u[1], *u[2:]])
+
+
 def rotation_matrix(q: np.ndarray) -> np.ndarray:
     """Matrices (3, 3, ...) of unit quaternions q (4, ...): columns are the axes of the body in the world."""
     return by_column("rotation_matrix", q)

@@ -124,9 +124,12 @@ def test_no_contact_gains_energy_and_all_leave_the_surface(name, shape):
     np.testing.assert_allclose((after.attitude**2).sum(axis=0), 1.0, rtol=1e-12)
 
 
-# a pyramid is the same after a quarter of a turn
-@pytest.mark.parametrize(("name", "angle"), [*((name, TURN) for name in FORCES), ("pyramid_contact", 0.5 * np.pi)])
-def test_turned_about_the_vertical_the_outcome_is_turned(name, angle):
+# a pyramid is the same after a quarter of a turn, or has edges that turn with the body
+@pytest.mark.parametrize(
+    ("name", "angle", "edges"),
+    [*((name, TURN, 0.0) for name in FORCES), *(("pyramid_contact", 0.5 * np.pi + by, by) for by in (0.0, TURN))],
+)
+def test_turned_about_the_vertical_the_outcome_is_turned(name, angle, edges):
     states = tossed(BOX, 60)
     about = of_rotation_vector(np.array([[0.0], [0.0], [angle]]))
 
@@ -136,10 +139,12 @@ def test_turned_about_the_vertical_the_outcome_is_turned(name, angle):
         attitude = SPACE.attitude_after(s.attitude, np.outer([0.0, 0.0, angle], np.ones(len(s))))
         return s.changed(parts[0], attitude, parts[1], parts[2])
 
-    model = in_space(BOX, name)
-    expected, found = turned(press(model, states)[0]), press(model, turned(states))[0]
+    model, other = in_space(BOX, name), in_space(BOX, name, edge_angle=edges)
+    expected, found = turned(press(model, states)[0]), press(other, turned(states))[0]
     np.testing.assert_allclose(found.motion, expected.motion, atol=1e-7)
     np.testing.assert_allclose(SPACE.difference(found.pose, expected.pose), 0.0, atol=1e-9)
+    slide = np.append(model.sliding(states), np.zeros((1, len(states))), axis=0)
+    np.testing.assert_allclose(other.sliding(turned(states)), SPACE.turned(about, slide)[:2], atol=1e-9)
 
 
 @pytest.mark.parametrize("shape", ["box", "sphere", "cylinder"])

@@ -229,7 +229,7 @@ class ConvexDamper(LinearDamper):
 
 @dataclass(frozen=True)
 class PyramidDamper(ConvexDamper):
-    """A linear damper with friction on a pyramid, whose edges lie along t_1 and t_2 of the surface."""
+    """A linear damper with friction on a pyramid, whose edges lie along the first two axes."""
 
     kind: ClassVar[int] = PYRAMID
 

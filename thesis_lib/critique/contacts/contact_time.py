@@ -44,11 +44,13 @@ DAMPING_RATIO = Parameter("damping_ratio", "1", null=10.0, low=0.01, high=500.0,
 IMPEDANCE = Parameter("impedance", "1", null=0.01, low=1e-3, high=0.9999, scale=0.1, starts=(0.9, 0.99))
 # of friction on a pyramid: R_t m = (1 − d)/d; d of MuJoCo's solimp at an impratio of 1
 OF_PYRAMID = replace(IMPEDANCE, null=0.9, low=0.1)
+# the turn of a pyramid's edges about the normal, from t_1: an engine's axes are not those of the camera
+EDGE_ANGLE = Parameter("edge_angle", "rad", null=0.0, low=-1.0, high=1.0, scale=0.05, starts=(-0.5, 0.5))
 # of a pressure field: the slip at which friction is half of Coulomb's
 STICTION_TOLERANCE = Parameter("stiction_tolerance", "m/s", null=1e-3, low=0.0, high=0.05, scale=1e-3)
 OF_FRICTION = {
     ConvexDamper: (DAMPING_RATIO, IMPEDANCE),
-    PyramidDamper: (OF_PYRAMID,),
+    PyramidDamper: (OF_PYRAMID, EDGE_ANGLE),
     PressureField: (STICTION_TOLERANCE,),
 }
 LEAST_MOBILITY = 0.25  # b; less is a jam, in which a contact does not act as a spring under a mass

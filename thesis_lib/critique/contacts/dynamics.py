@@ -27,12 +27,13 @@ from numpy.polynomial.legendre import leggauss, legint, legval, legvander
 
 from thesis_lib.contact.compliant.normal_force import NormalForce
 from thesis_lib.contact.compliant.watched_slide import on_ellipse
-from thesis_lib.critique.contacts.contact_time import TURNED, normal_mobility
+from thesis_lib.critique.contacts.contact_time import EDGE_ANGLE, TURNED, normal_mobility
 from thesis_lib.critique.contacts.model import Model
 from thesis_lib.effects.effect import Effect, Impulse, Rig
 from thesis_lib.mechanics.contact import Contact, contact, velocity_change
 from thesis_lib.mechanics.free_motion import attitudes
 from thesis_lib.mechanics.inertia import mobility
+from thesis_lib.mechanics.space import about_normal
 from thesis_lib.mechanics.state import State
 
 _H = 1e-3  # s, for the derivative of a linear map: exact for any step
@@ -330,7 +331,10 @@ class Dynamics:
         limit, slip, pull = mu * np.maximum(-a_n, 0.0), np.stack(at.v[:2]), np.stack(along)
         if limit.ndim > 1:
             return on_ellipse(slip, limit, pull, span)
-        return (self.model.law.force or NormalForce()).sliding(slip, limit, pull, span)
+        edges = np.asarray(self.values.get(EDGE_ANGLE.name, 0.0))
+        slip, pull = (about_normal(-edges, along) for along in (slip, pull)) if edges.any() else (slip, pull)
+        a = (self.model.law.force or NormalForce()).sliding(slip, limit, pull, span)
+        return about_normal(edges, a) if edges.any() else a
 
     def flown(self, true: State, h: np.ndarray) -> State:
         """The states after times h (n,) in s of flight."""

@@ -30,7 +30,7 @@ from thesis_lib.contact.compliant import compiled_in_space
 from thesis_lib.contact.compliant.compiled import SPEED, central_pressure, integrate
 from thesis_lib.contact.compliant.normal_force import ConvexDamper, NormalForce, PressureField
 from thesis_lib.contact.law import Law
-from thesis_lib.critique.contacts.contact_time import IMPEDANCE
+from thesis_lib.critique.contacts.contact_time import EDGE_ANGLE, IMPEDANCE
 from thesis_lib.critique.contacts.dynamics import Dynamics
 from thesis_lib.effects.anisotropic_friction import AnisotropicFriction
 from thesis_lib.effects.contact_torque import ContactTorque
@@ -41,7 +41,7 @@ from thesis_lib.effects.torsional_friction import TorsionalFriction
 from thesis_lib.effects.velocity_dependent_friction import VelocityDependentFriction
 from thesis_lib.engines.parameters import PLANAR
 from thesis_lib.mechanics.contact import Contact, velocity_change
-from thesis_lib.mechanics.space import Space, cross, rotation_matrix, rotation_vector
+from thesis_lib.mechanics.space import Space, about_normal, cross, rotation_matrix, rotation_vector
 from thesis_lib.mechanics.state import State
 
 MOST_CORNERS = 12  # a polygon with more is a curve drawn with corners
@@ -236,7 +236,11 @@ def _in_space(touching: Touching) -> Pressed:
     couple = couple + cross(spin, momentum)  # what turns the body beyond its torque-free motion
     outline = touching.shape.minkowski
     axes = rotation_matrix(frame.attitude)
-    arrays = (at.r.reshape(3, -1, n), W, momentum, falling[:, :3].T, couple, axes, frame.velocity, spin)
+    arrays = [at.r.reshape(3, -1, n), W, momentum, falling[:, :3].T, couple, axes, frame.velocity, spin]
+    edges = np.full(len(touching.tiled), at_corners.values.get(EDGE_ANGLE.name, 0.0))[:n]
+    if is_turned := bool(edges.any()):  # to the axes of a pyramid, and back
+        arrays = [about_normal(-edges, array) for array in arrays]
+        arrays[1] = about_normal(-edges, arrays[1].swapaxes(0, 1))  # of a symmetric tensor the other index
     r, W, momentum, a, couple, axes, velocity, spin = (np.ascontiguousarray(array) for array in arrays)
     shift, turn, velocity, spin, elapsed, c = compiled_in_space.integrate(
         (force.kind, force.exponent, ratio, regularisation, np.full(n, share)),
@@ -250,14 +254,17 @@ def _in_space(touching: Touching) -> Pressed:
         touching.step,
         touching.most,
     )
+    turn = rotation_vector(turn)
+    if is_turned:
+        shift, turn, velocity, spin, c = (about_normal(edges, array) for array in (shift, turn, velocity, spin, c))
     k = at_corners.rig.k_g
     before = np.linalg.norm(np.concatenate([frame.velocity, k * frame.spin]), axis=0)
     after = np.linalg.norm(np.concatenate([velocity, k * spin]), axis=0)
     lost = ~(after <= GAIN * np.maximum(before, 1.0))
     if lost.any():  # not numbers, or absurd ones: such a body stops where it touched
         shift[:, lost], velocity[:, lost], spin[:, lost], c[:, :, lost] = 0.0, 0.0, 0.0, 0.0
-        turn[:, lost] = np.array([[1.0], [0.0], [0.0], [0.0]])
-    return Pressed(np.concatenate([shift, rotation_vector(turn)]).T, np.concatenate([velocity, spin]).T, elapsed, c)
+        turn[:, lost] = 0.0
+    return Pressed(np.concatenate([shift, turn]).T, np.concatenate([velocity, spin]).T, elapsed, c)
 
 
 def _acceleration(dynamics: Dynamics, true: State) -> np.ndarray:

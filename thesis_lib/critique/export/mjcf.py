@@ -8,6 +8,7 @@ seen only.  The contact has the impedance that was fitted, or else is a spring a
 import numpy as np
 
 from thesis_lib.bodies.solids import Box, Capsule, Cylinder, Ellipsoid, Hull, Solid, Sphere
+from thesis_lib.critique.contacts.contact_time import EDGE_ANGLE
 from thesis_lib.critique.export.solid import UPRIGHT, ExportedBody, Part, comment, n, story
 from thesis_lib.engines.parameters import MujocoNumbers, mujoco_numbers
 
@@ -50,6 +51,9 @@ def contact_story(solid: ExportedBody, of: int) -> list[str]:
         f"impratio: damping of the slip over that of the normal force, {ratio}",
         f"timestep: {STEPS} steps in one contact time",
     ]
+    if solid.on_pyramid:
+        angle = f"{solid.model.values[EDGE_ANGLE.name]:.3g} rad about the normal from the first axis of the surface"
+        lines.append(f"the edges of the pyramid were fitted at {angle}; MuJoCo lays them along axes of its world")
     if solid.model.law not in ("convex_contact", "pyramid_contact", "damped_contact"):
         lines.append(f"the law of the fit, {solid.model.law.replace('_', ' ')}, is another contact than MuJoCo's")
     return lines
