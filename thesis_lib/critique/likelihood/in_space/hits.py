@@ -25,16 +25,8 @@ from thesis_lib.critique.likelihood.in_space.instants import (
     turning_pull,
     with_attitudes_later,
 )
-from thesis_lib.critique.likelihood.in_space.left_out import (
-    LATE,
-    REST,
-    has_another_hit,
-    hops_unseen,
-    lag_of_attitudes,
-    lag_warning,
-    off_free_motion,
-    rolls,
-)
+from thesis_lib.critique.likelihood.in_space.lag import LATE, REST, lag_in_flight, lag_of_attitudes, lag_warning
+from thesis_lib.critique.likelihood.in_space.left_out import has_another_hit, hops_unseen, off_free_motion, rolls
 from thesis_lib.critique.likelihood.observations import Observations, rig_of, without_angle
 from thesis_lib.critique.likelihood.supports import supports_in_space
 from thesis_lib.datasets.checks.in_space import one_clock
@@ -66,7 +58,7 @@ FEWEST = 3  # samples on either side of a hit
 SPREAD = 3.0  # robust standard deviations of the gap at hits
 UPWARDS = 5  # of values and slopes of all channels: the slope of n
 SURE = 3.0  # standard errors by which a surface pushes a body away
-MOST_LAGS = 4  # steps to the lag of orientations; each one leaves less than half of it
+MOST_LAGS = 6  # steps to the lag of orientations; each one leaves less than half of it
 CLEARLY = 1.1  # of the guard, by which contacts last longer
 TO_PLANE = [0, 2, 1]  # t_1, n, t_2: detection takes the second coordinate as the height
 
@@ -127,6 +119,10 @@ def observe_in_space(
     def is_late(lag: float, guard: float) -> bool:
         return abs(lag) > (0.0 if lags else guard) and len(lags) < MOST_LAGS
 
+    if dataset.has_angle and len(lags) < MOST_LAGS:
+        lag = lag_in_flight(samples, states, frame.seen(tracked).position - states.position, dataset.gravity)
+        if abs(lag) > max(given.guard, LATE, 1.5 * interval):
+            return again(interval, (*lags, lag), low_pass)
     found, G = find_hits(samples, clock, noise[0], settings), header.body.inertia_per_mass
     guard = found.guard(noise[0], settings)
     if rounded := guard > max(settings.guard, 1.5 * interval):  # of one interval is that of one side

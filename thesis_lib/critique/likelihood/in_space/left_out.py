@@ -1,7 +1,6 @@
 """Evidence that a hit does not stand alone between two free flights.
 
-Another hit in the window, hops where samples are rounded, attitudes that come later than places, and balls that only
-seem to bounce.
+Another hit in the window, hops where samples are rounded, and balls that only seem to bounce.
 """
 
 import numpy as np
@@ -10,11 +9,8 @@ from scipy.stats import chi2
 from thesis_lib.datasets.flights.beside_hits import turns_off
 from thesis_lib.datasets.flights.lines import SideLines, lines_through
 from thesis_lib.mechanics.space import SPACE, rotation_matrix
-from thesis_lib.statistics.spread import MEDIAN, robust_std
+from thesis_lib.statistics.spread import robust_std
 
-FEWEST = 6  # hits that show a lag
-SUREST, ENOUGH = 0.2, 12  # share of the hits whose changes of spin are known best, and how many of them show it well
-SURE = 3.0  # standard errors by which it is there
 IMPROBABLE = 1e-6  # of χ² without another hit in the window
 CLEAN = 0.25  # share of the hits that usually have no other one in their window
 SLACK = 4.0  # of χ², for slow errors, where fewer are clean
@@ -22,7 +18,6 @@ CLEANEST = 0.05  # share of the hits that have no other one in their window, at 
 CHANCE = 1e-3  # of χ² of a hit that is as clean as those
 UNSEEN, UNKNOWN_GRAVITY = 0.1, 1.0  # m and m/s², one sigma of what all hits share before they are seen
 ODD, ROUNDS = 3.0, 5  # misfits of a clean hit, from which on one has no say in that; fits of it
-LATE, REST = 1e-3, 3e-4  # s; arcs that air or a tilt bends meet some 0.2 ms beside the hit
 DEEP, UNSEEN_HOP = 5.0, 0.25  # robust standard deviations, and share of the guard, by which a body has hopped unseen
 RISE = 0.15  # m/s between hits of a ball; a wrong centre of mass moves speeds by some 0.05 m/s
 
@@ -64,7 +59,7 @@ def off_free_motion(
     off[:, 0] = (left**2).sum(axis=1)
     for side in (0, 1):
         off[:, 1] += turns_off(fitted, side, pose, tau, used, G) / noise[1] ** 2
-    turn, spun = _turned(fitted)
+    turn, spun = turned(fitted)
     turn += lag * spun
     of_turn = fitted.cov[:, :, 6::2, 6::2].sum(axis=1)
     off[:, 1] += np.einsum("ni,nij,nj->n", turn, np.linalg.inv(of_turn), turn)
@@ -164,37 +159,7 @@ def _risen(speeds: np.ndarray, trial: np.ndarray) -> np.ndarray:
     return up
 
 
-def _turned(fitted: SideLines) -> tuple[np.ndarray, np.ndarray]:
+def turned(fitted: SideLines) -> tuple[np.ndarray, np.ndarray]:
     """Turns (n, 3) in rad from the attitudes before hits to those after, and changes (n, 3) of the spin in rad/s."""
     turn = SPACE.turn_between(fitted.value[:, 0, 3:].T, fitted.value[:, 1, 3:].T).T
     return turn, fitted.slope[:, 1, 3:] - fitted.slope[:, 0, 3:]
-
-
-def lag_of_attitudes(fitted: SideLines, least: float = LATE) -> float:
-    """Time in s by which attitudes change their course later than places do, 0 where not clear or below `least`.
-
-    Attitudes that come a time L late miss each other by −L Δω where the places meet, as seen best at hits whose Δω is
-    known best.
-    """
-    turn, spun = _turned(fitted)
-    square = np.maximum((spun**2).sum(axis=1), 1e-9)
-    # between quick hits windows are so short that the samples of another flight hide a lag
-    unsure = np.trace(fitted.cov[:, :, 7::2, 7::2].sum(axis=1), axis1=1, axis2=2) / square
-    sure = np.argsort(unsure, kind="stable")[: max(round(SUREST * len(unsure)), ENOUGH)]
-    if len(sure) < FEWEST:
-        return 0.0
-    late = -((turn * spun).sum(axis=1) / square)[sure]
-    middle, error = float(np.median(late)), MEDIAN * float(robust_std(late - np.median(late))) / np.sqrt(len(sure))
-    return middle if abs(middle) > max(SURE * error, least) else 0.0
-
-
-def lag_warning(lag: float) -> tuple[str, ...]:
-    """A sentence for the user on attitudes that come `lag` in s behind the places, if they do."""
-    if not lag:
-        return ()
-    where = "behind" if lag > 0.0 else "ahead of"
-    return (
-        f"At hits orientations come {1e3 * abs(lag):.2g} ms {where} positions, as if they had a clock or a filter of "
-        "their own. Hits and flights are found with orientations at the instants of positions; models are compared "
-        "with the times that the file states.",
-    )

@@ -1,0 +1,114 @@
+"""Orientations that come later than positions, as of a tracker with a clock or a filter of its own for each.
+
+Two places show it.  At a hit the attitudes change their course later than the places do (`lag_of_attitudes`).  In
+flight the believed centre of mass, c = p − R o, leaves its parabola: attitudes that come a time L late move it by
+
+    R(t) o − R(t − L) o = L (R o)˙
+
+(`lag_in_flight`).  The first is more precise.  But of a body that turns far meanwhile a hit looks like two, one of the
+place and one of the turn, so that no hit shows a lag of several samples.
+"""
+
+import numpy as np
+
+from thesis_lib.critique.likelihood.in_space.left_out import turned
+from thesis_lib.datasets.flights.lines import SideLines
+from thesis_lib.datasets.format.samples import Samples
+from thesis_lib.mechanics.space import rotation_matrix
+from thesis_lib.mechanics.state import State
+from thesis_lib.statistics.spread import MEDIAN, robust_std
+
+FEWEST = 6  # hits that show a lag
+SUREST, ENOUGH = 0.2, 12  # share of the hits whose changes of spin are known best, and how many of them show it well
+SURE = 3.0  # standard errors by which it is there
+LATE, REST = 1e-3, 3e-4  # s; arcs that air or a tilt bends meet some 0.2 ms beside the hit
+LASTING = (0.12, 0.16, 0.22)  # s, pieces of flight: a body must turn in them, and hits end them
+SHORTEST, FEWEST_PIECES = 10, 25  # samples of a piece, and pieces without a hit
+FLIES = 0.5  # share of gravity by which the acceleration of a free body may seem to differ
+MODES = 4  # powers of time beyond the parabola that show how a body turns
+CLEAN, LEAST_CLEAN = 0.25, 1.5  # share of the pieces that hold no hit, and how much rougher those are that do
+BISQUARE, ROUNDS = 4.0, 20  # of the median misfit, beyond which a piece has no say
+EXPLAINED, CLEAR = 0.5, 8.0  # share of the squares that a lag must explain, and its own standard errors
+
+
+def lag_in_flight(samples: Samples, states: State, arm: np.ndarray, gravity: float) -> float:
+    """Time in s by which attitudes come later than places, as the paths of the believed centre of mass show it.
+
+    0 where that is not clear.  `arm` (3, N) in m is the tracked point seen from that centre.  A tracked point that lies
+    elsewhere on the body, and turns with it, is no lag.
+    """
+    step = np.diff(samples.t)[np.diff(samples.run) == 0]
+    interval = float(np.median(step)) if len(step) else 1.0
+    sizes = (round(lasts / interval) for lasts in LASTING)
+    found = [_lag_of_pieces(samples, states, arm, gravity, size) for size in sizes if size >= SHORTEST]
+    lag, std, share = max(filter(None, found), key=lambda one: one[2], default=(0.0, 1.0, 0.0))
+    return lag if share > EXPLAINED and abs(lag) > CLEAR * std else 0.0
+
+
+def _lag_of_pieces(
+    samples: Samples, states: State, arm: np.ndarray, gravity: float, size: int
+) -> tuple[float, float, float] | None:
+    """The lag in s, its standard error, and the share of squares that it explains; None of too few pieces."""
+    first = np.arange(0, len(samples) - size + 1, size // 2)
+    index = first[samples.run[first] == samples.run[first + size - 1], None] + np.arange(size)
+    t = samples.t[index]
+    half = 0.5 * np.ptp(t, axis=1)[:, None]
+    powers = ((t - t.mean(axis=1, keepdims=True)) / half)[..., None] ** np.arange(3 + MODES)
+    a = 2.0 * np.einsum("nw,nw->n", np.linalg.pinv(powers[..., :3])[:, 2], states.position[2, index]) / half[:, 0] ** 2
+    flies = np.abs(a + gravity) < FLIES * gravity
+    index, powers, half = index[flies], powers[flies], half[flies]
+    if len(index) < FEWEST_PIECES:
+        return None
+    # places, how a lag moves them, and how a tracked point does that is elsewhere; slopes of a polynomial, as noise
+    # that both sides of a regression share lets it see less
+    course = np.einsum("nkw,anw->ank", np.linalg.pinv(powers), arm[:, index])
+    slope = np.einsum("nwk,ank->anw", powers[..., :-1], course[..., 1:] * np.arange(1, 3 + MODES)) / half
+    paths = np.stack([states.position[:, index], slope, *rotation_matrix(states.attitude[:, index]).swapaxes(0, 1)])
+    basis = np.linalg.qr(powers)[0]
+    smooth = np.einsum("nwk,acnw->acnk", basis, paths, optimize=True)
+    rough = ((paths[0] - np.einsum("nwk,cnk->cnw", basis, smooth[0])) ** 2).mean(axis=(0, 2))
+    clean = rough < LEAST_CLEAN**2 * np.quantile(rough, CLEAN)
+    if clean.sum() < FEWEST_PIECES:
+        return None
+    y, *columns = np.moveaxis(smooth[:, :, clean, 3:], 2, 1).reshape(len(paths), clean.sum(), -1)
+    X, left = np.stack(columns, axis=-1), y
+    for _ in range(ROUNDS):
+        misfit = np.sqrt((left**2).mean(axis=1))
+        scale = float(np.median(misfit))
+        weight = np.clip(1.0 - (misfit / (BISQUARE * scale)) ** 2, 0.0, None) ** 2
+        inverse = np.linalg.pinv(np.einsum("n,nri,nrj->ij", weight, X, X))
+        value = inverse @ np.einsum("n,nri,nr->i", weight, X, y)
+        left = y - X @ value
+    share = 1.0 - weight @ (left**2).sum(axis=1) / (weight @ (y**2).sum(axis=1))
+    # neighbouring pieces share half of their samples
+    return float(value[0]), float(scale * np.sqrt(2.0 * inverse[0, 0])), float(share)
+
+
+def lag_of_attitudes(fitted: SideLines, least: float = LATE) -> float:
+    """Time in s by which attitudes change their course later than places do, 0 where not clear or below `least`.
+
+    Attitudes that come a time L late miss each other by −L Δω where the places meet, as seen best at hits whose Δω is
+    known best.
+    """
+    turn, spun = turned(fitted)
+    square = np.maximum((spun**2).sum(axis=1), 1e-9)
+    # between quick hits windows are so short that the samples of another flight hide a lag
+    unsure = np.trace(fitted.cov[:, :, 7::2, 7::2].sum(axis=1), axis1=1, axis2=2) / square
+    sure = np.argsort(unsure, kind="stable")[: max(round(SUREST * len(unsure)), ENOUGH)]
+    if len(sure) < FEWEST:
+        return 0.0
+    late = -((turn * spun).sum(axis=1) / square)[sure]
+    middle, error = float(np.median(late)), MEDIAN * float(robust_std(late - np.median(late))) / np.sqrt(len(sure))
+    return middle if abs(middle) > max(SURE * error, least) else 0.0
+
+
+def lag_warning(lag: float) -> tuple[str, ...]:
+    """A sentence for the user on attitudes that come `lag` in s behind the places, if they do."""
+    if not lag:
+        return ()
+    where = "behind" if lag > 0.0 else "ahead of"
+    return (
+        f"At hits orientations come {1e3 * abs(lag):.2g} ms {where} positions, as if they had a clock or a filter of "
+        "their own. Hits and flights are found with orientations at the instants of positions; models are compared "
+        "with the times that the file states.",
+    )
