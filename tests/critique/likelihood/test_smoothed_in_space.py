@@ -51,17 +51,28 @@ def test_a_moving_average_lowers_free_fall_and_a_median_does_not(hidden):
         assert abs(smooth - height) < 0.2 * 0.5 * plain.rig.gravity * true
 
 
+def undisturbed(seed, **drawn):
+    """The hits of a body whose frames all come in time, and are not smoothed."""
+    usual = {"irregular": 0.0, "dropped": 0.0, "bursts": 0.0, "flips": 0.0, "filter": "none", "tosses": 40}
+    case = WorldsCase("own", NOTHING, seed)
+    with pytest.MonkeyPatch.context() as patch:
+        for name, value in (usual | drawn).items():
+            patch.setitem(case.drawn, name, value)
+        return observe_in_space(make(case, OwnTosses()), episodes=False)
+
+
 @pytest.mark.slow
 def test_a_path_that_sways_with_hardly_any_noise_is_not_smoothed():
-    case = WorldsCase("own", NOTHING, 961)
-    with pytest.MonkeyPatch.context() as patch:
-        for name in ("irregular", "dropped", "bursts", "flips"):
-            patch.setitem(case.drawn, name, 0.0)
-        for name, value in {"filter": "none", "rate": 230.0, "position": 2e-5, "rotation": 1e-4, "tosses": 40}.items():
-            patch.setitem(case.drawn, name, value)
-        found = observe_in_space(make(case, OwnTosses()), episodes=False)
+    found = undisturbed(961, rate=230.0, position=2e-5, rotation=1e-4)
     assert not found.found.warnings and found.found.low_pass is None
     assert len(found) > 30  # of 40 tosses; 5 were left
+
+
+@pytest.mark.slow
+def test_drag_is_no_filter():
+    """A light body curves its flights; samples within 80 ms of a hit were taken for smoothed, and the set refused."""
+    found = undisturbed(3, rate=150.0, position=6e-5, rotation=2e-3, hidden={"quadratic_drag.c_q": 0.25})
+    assert not found.found.warnings and len(found) > 45  # 51 without drag
 
 
 @pytest.mark.slow

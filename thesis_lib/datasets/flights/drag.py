@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from thesis_lib.datasets.format.air import Air
+from thesis_lib.datasets.format.air import Air, AirInSpace
 from thesis_lib.datasets.format.header import Header
 from thesis_lib.datasets.format.samples import ArcSettings, Samples
 from thesis_lib.statistics.spread import robust_std
@@ -32,7 +32,7 @@ _BISQUARE, _ROUNDS = 4.685, 20
 
 @dataclass(frozen=True)
 class _Pieces:
-    """m pieces of free flight: mean velocity v (m, 3), acceleration beyond gravity r (m, 2), its noise (2,)."""
+    """m pieces of free flight: mean velocity v (m, 3), acceleration beyond gravity r (m, d), its noise (d,)."""
 
     v: np.ndarray
     r: np.ndarray
@@ -59,6 +59,24 @@ def air_in(samples: Samples, sigma: np.ndarray, header: Header) -> Air | None:
         if np.all(np.abs(found.value) > CLEAR * found.std) and found.value[0] > 0.0:
             return Air(**dict(zip(terms, map(float, found.value))), scatter=found.scatter)
     return None
+
+
+def drag_in_space(samples: Samples, sigma: float, gravity: float) -> AirInSpace | None:
+    """The drag that pieces of a path in space show clearly; None if they do not.
+
+    `samples` have places in m, the second coordinate upwards, with the noise `sigma` in m.
+    """
+    if gravity == 0.0 or not len(samples):
+        return None
+    noise = np.full(3, sigma)
+    found = [one for size in SIZES if len((one := _pieces(samples, noise, gravity, size, 3)).v) >= FEWEST]
+    if not found:
+        return None
+    pieces = max(found, key=lambda one: len(one.v) / float(np.mean(one.noise**2)))
+    fits = {term: _fit(pieces, (term,), AirInSpace) for term in ("c_v", "c_q")}
+    term = min(fits, key=lambda term: fits[term].left)
+    (value,), (std,) = fits[term].value, fits[term].std
+    return AirInSpace(**{term: float(value)}) if value > CLEAR * std else None
 
 
 def breaks_lines(air: Air, samples: Samples, sigma: np.ndarray, settings: ArcSettings) -> bool:
@@ -102,7 +120,7 @@ def air_sentence(air: Air) -> str:
     )
 
 
-def _pieces(samples: Samples, sigma: np.ndarray, gravity: float, size: int) -> _Pieces:
+def _pieces(samples: Samples, sigma: np.ndarray, gravity: float, size: int, lengths: int = 2) -> _Pieces:
     first = np.arange(0, len(samples) - size + 1, size // 2)
     first = first[samples.run[first] == samples.run[first + size - 1]]
     index = first[:, None] + np.arange(size)
@@ -116,13 +134,13 @@ def _pieces(samples: Samples, sigma: np.ndarray, gravity: float, size: int) -> _
     rest = q - q[:, :1] - basis @ fitted
     measured = np.arange(3 if samples.q[:, 2].any() else 2)
     chi2 = ((rest / sigma)[..., measured] ** 2).sum((1, 2)) / (len(measured) * (size - 3.0))
-    v, a = fitted[:, 1] / half, 2.0 * fitted[:, 2, :2] / half**2
+    v, a = fitted[:, 1] / half, 2.0 * fitted[:, 2, :lengths] / half**2
     falls = a[:, 1] < -REST * gravity
     falls |= (np.abs(v[:, 1:2]) * half > 3.0 * sigma[1])[:, 0] & (np.abs(v[:, 1]) > gravity * half[:, 0])
     good = (chi2 < PARABOLA) & falls
-    r = a + np.array([0.0, gravity])
+    r = a + np.array([0.0, gravity, 0.0])[:lengths]
     scale = 2.0 / np.median(half[:, 0]) ** 2 * np.sqrt(np.median(np.linalg.inv(normal)[:, 2, 2])) if len(first) else 1.0
-    return _Pieces(v[good], r[good], scale * sigma[:2])
+    return _Pieces(v[good], r[good], scale * sigma[:lengths])
 
 
 @dataclass(frozen=True)
@@ -135,14 +153,14 @@ class _Fitted:
     scatter: float
 
 
-def _fit(pieces: _Pieces, terms: tuple[str, ...]) -> _Fitted:
-    """The regression of `pieces` on `terms` and a constant."""
-    m = len(pieces.v)
-    unit = [Air(**{name: 1.0}).acceleration(pieces.v)[:, :2] for name in terms]
-    constant = [np.tile(row, (m, 1)) for row in np.eye(2)]
-    columns = (np.stack([*unit, *constant], axis=-1) / pieces.noise[:, None]).reshape(2 * m, -1)
-    r = (pieces.r / pieces.noise).reshape(2 * m)
-    weight = np.ones(2 * m)
+def _fit(pieces: _Pieces, terms: tuple[str, ...], kind: type[Air] = Air) -> _Fitted:
+    """The regression of `pieces` on `terms` of a kind of air and a constant."""
+    m, d = pieces.r.shape
+    unit = [kind(**{name: 1.0}).acceleration(pieces.v)[:, :d] for name in terms]
+    constant = [np.tile(row, (m, 1)) for row in np.eye(d)]
+    columns = (np.stack([*unit, *constant], axis=-1) / pieces.noise[:, None]).reshape(d * m, -1)
+    r = (pieces.r / pieces.noise).reshape(d * m)
+    weight = np.ones(d * m)
     value, scale = np.zeros(columns.shape[1]), 1.0
     for _ in range(_ROUNDS):
         value = np.linalg.lstsq(columns * np.sqrt(weight)[:, None], r * np.sqrt(weight), rcond=None)[0]
@@ -153,6 +171,6 @@ def _fit(pieces: _Pieces, terms: tuple[str, ...]) -> _Fitted:
     # neighbouring pieces share half of their samples
     std = scale * np.sqrt(2.0 * np.diag(np.linalg.pinv(information)))
     left = r - columns @ value
-    beyond = np.maximum(robust_std(left.reshape(m, 2)) ** 2 - 1.0, 0.0)
+    beyond = np.maximum(robust_std(left.reshape(m, d)) ** 2 - 1.0, 0.0)
     total = float((np.minimum(np.abs(left), _BISQUARE * scale) ** 2).sum())
     return _Fitted(value[: len(terms)], std[: len(terms)], total, float((np.sqrt(beyond) * pieces.noise).max()))

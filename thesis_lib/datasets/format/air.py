@@ -74,6 +74,15 @@ class Air:
         return path * (tau * tau)[..., None]
 
 
+@dataclass(frozen=True)
+class AirInSpace(Air):
+    """Drag alone, of a body whose samples q (N, 3) are a place in space."""
+
+    def acceleration(self, v: np.ndarray) -> np.ndarray:
+        """a (..., 3) in m/s² of velocities `v` (..., 3)."""
+        return -(self.c_v + self.c_q * np.linalg.norm(v, axis=-1, keepdims=True)) * v
+
+
 def _sums(steps: np.ndarray, starts: np.ndarray) -> np.ndarray:
     """Cumulative sums (N, 3) of `steps` (N, 3), from 0 at each of the indices `starts`."""
     total = np.cumsum(steps, axis=0)

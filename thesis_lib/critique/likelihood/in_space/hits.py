@@ -124,7 +124,7 @@ def observe_in_space(
         if abs(lag) > max(given.guard, LATE, 1.5 * interval):
             return again(interval, (*lags, lag), low_pass)
     found, G = find_hits(samples, clock, noise[0], settings), header.body.inertia_per_mass
-    guard = found.guard(noise[0], settings)
+    guard = found.guard(noise[0], settings, dataset.gravity)
     if rounded := guard > max(settings.guard, 1.5 * interval):  # of one interval is that of one side
         # attitudes that come late let the believed centre of mass sway, as if corners were rounded
         lag = lag_of_attitudes(_beside(found, states, G, noise, settings)[-1]) if dataset.has_angle else 0.0

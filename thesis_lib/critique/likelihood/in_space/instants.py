@@ -20,6 +20,7 @@ import pandas as pd
 from thesis_lib.bodies.solids import Sphere
 from thesis_lib.datasets.checks.in_space import reading_of
 from thesis_lib.datasets.checks.jumps import out_and_back
+from thesis_lib.datasets.flights.drag import drag_in_space
 from thesis_lib.datasets.flights.lines import lines_through
 from thesis_lib.datasets.flights.low_pass import ARC, Corners
 from thesis_lib.datasets.flights.rounding import ENOUGH, Kinks, guard_of
@@ -187,8 +188,10 @@ class FoundHits:
         """Instants (n,) in s."""
         return self.t + self.windows.t_0
 
-    def guard(self, sigma: float, settings: ArcSettings) -> float:
+    def guard(self, sigma: float, settings: ArcSettings, gravity: float) -> float:
         """Time in s from a hit within which samples with the noise `sigma` in m are rounded, 0 if none are.
+
+        Drag bends a path, too, and is taken out before.
 
         First hits show it best: a body that hits again may have touched unseen in between.
         """
@@ -196,7 +199,8 @@ class FoundHits:
         if chosen.sum() < ENOUGH:
             chosen, seen = size >= np.median(size) if len(size) else chosen, "both"
         kinks = Kinks(self.at, self.instant, self.dv, chosen)
-        return guard_of(kinks, self.samples, np.full(3, sigma), settings, seen)
+        samples = replace(self.samples, air=drag_in_space(self.samples, sigma, gravity))
+        return guard_of(kinks, samples, np.full(3, sigma), settings, seen)
 
     def corners(self, alone: np.ndarray, gravity: float) -> Corners:
         """The hits as corners between two arcs that fall by `gravity` in m/s²; those that are not `alone` (n,) have no
