@@ -115,7 +115,7 @@ def ended(model: SavedSpaceModel, touch: State, ends) -> State:
 CASES = [
     *(("mjcf", shape, FIRM) for shape in SHAPES),
     ("mjcf", "box", FIRM | {"impedance": 0.01}),
-    ("mjcf", "box", {"law": "pyramid_contact", "tau": 1e-3, "impedance": 0.9}),
+    ("mjcf", "box", {"law": "pyramid_contact", "tau": 1e-3, "impedance": 0.9, "edge_angle": 0.0}),
     ("mjcf", "sphere", FIRM | {"torsional_friction.m_t": 1e-3}),
     *(("sdf", shape, SOFT) for shape in ("round box", "capsule")),
     *(("urdf", shape, SOFT) for shape in ("box", "ellipsoid")),
