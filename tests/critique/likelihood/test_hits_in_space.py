@@ -183,8 +183,8 @@ def test_hits_that_follow_too_soon_are_episodes_between_two_flights(tossed):
     assert set(zip(found.trial[same], found.impact[same])) <= set(zip(tossed.found.trial, tossed.found.impact))
 
 
-@pytest.mark.parametrize("offset, gravity", [((0.0, 0.0, 0.0), 9.81), ((2e-3, 0.0, 6e-3), 9.6)])
-def test_what_all_hits_share_is_no_misfit_of_flights(offset, gravity):
+@pytest.mark.parametrize("offset, gravity, drag", [((0.0, 0.0, 0.0), 9.81, 0.0), ((2e-3, 0.0, 6e-3), 9.6, 0.5)])
+def test_what_all_hits_share_is_no_misfit_of_flights(offset, gravity, drag):
     rng, n, noise = np.random.default_rng(4), 60, (1e-4, 1e-3)
     G, tau = np.eye(3) * 1e-3, np.tile(np.arange(-12, 13) / 150.0 + 1e-3, (n, 1))
     side = np.stack([tau < 0.0, tau > 0.0], axis=1)
@@ -192,7 +192,8 @@ def test_what_all_hits_share_is_no_misfit_of_flights(offset, gravity):
     turn = np.where(tau[..., None] < 0.0, spin[0][:, None], spin[1][:, None]) * tau[..., None]
     turn += noise[1] * rng.standard_normal(turn.shape)
     attitude = Rotation.from_rotvec(turn.reshape(-1, 3)) * Rotation.random(n, rng=rng)[np.repeat(np.arange(n), 25)]
-    place = np.where(tau[..., None] < 0.0, v[0][:, None], v[1][:, None]) * tau[..., None]
+    v = np.where(tau[..., None] < 0.0, v[0][:, None], v[1][:, None])
+    place = v * (tau - 0.5 * drag * tau**2)[..., None]
     place += attitude.apply(offset).reshape(n, 25, 3) - 0.5 * gravity * tau[..., None] ** 2 * [0.0, 0.0, 1.0]
     place += noise[0] * rng.standard_normal(place.shape)
     pose = np.concatenate([place, attitude.as_quat(scalar_first=True).reshape(n, 25, 4)], axis=2)

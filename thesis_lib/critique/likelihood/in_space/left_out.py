@@ -16,7 +16,7 @@ CLEAN = 0.25  # share of the hits that usually have no other one in their window
 SLACK = 4.0  # of χ², for slow errors, where fewer are clean
 CLEANEST = 0.05  # share of the hits that have no other one in their window, at least
 CHANCE = 1e-3  # of χ² of a hit that is as clean as those
-UNSEEN, UNKNOWN_GRAVITY = 0.1, 1.0  # m and m/s², one sigma of what all hits share before they are seen
+COMMON = (0.1, 1.0, 1.0, 0.3)  # m, m/s², 1/s and 1/m: one sigma of what all hits share before they are seen
 ODD, ROUNDS = 3.0, 5  # misfits of a clean hit, from which on one has no say in that; fits of it
 DEEP, UNSEEN_HOP = 5.0, 0.25  # robust standard deviations, and share of the guard, by which a body has hopped unseen
 RISE = 0.15  # m/s between hits of a ball; a wrong centre of mass moves speeds by some 0.05 m/s
@@ -34,8 +34,8 @@ def off_free_motion(
 ) -> tuple[np.ndarray, np.ndarray]:
     """χ² (n, 2) by which places and turns miss free motion on both sides and its meeting, and degrees of freedom (n,).
 
-    What all hits share, another centre of mass or gravity, counts as no misfit.  The places may not meet along Δv,
-    which the instant takes up, and turns that come `lag` in s behind them meet later.
+    What all hits share, another centre of mass, gravity or drag, counts as no misfit.  The places may not meet along
+    Δv, which the instant takes up, and turns that come `lag` in s behind them meet later.
     """
     off, dof = np.zeros((len(tau), 2)), 3.0 * used.sum((1, 2)) - 10.0  # 12 parameters, 2 of the places meet
     if not len(tau):
@@ -53,7 +53,7 @@ def off_free_motion(
         aside = miss - along[:, :, None] * np.einsum("ni,nik->nk", along, miss)[:, None]
         return np.concatenate([inside.reshape(len(tau), -1, miss.shape[2]), aside / place[:, None, None]], axis=1)
 
-    common = lines_through(side, tau, _common_paths(pose, tau))
+    common = lines_through(side, tau, _common_paths(pose, tau, places.slope))
     left = in_sigmas(places.residual, miss)[..., 0]
     left = _without_common(left, in_sigmas(common.residual, common.value[:, 1] - common.value[:, 0]), dof)
     off[:, 0] = (left**2).sum(axis=1)
@@ -66,20 +66,26 @@ def off_free_motion(
     return off, np.stack([dof, dof + 1.0], axis=1)
 
 
-def _common_paths(pose: np.ndarray, tau: np.ndarray) -> np.ndarray:
-    """How places (n, W, 3 · 6) move that the centre of mass is 1 m elsewhere, by axis of the body, and that gravity
-    differs by 1 m/s², by axis of the surface; each place has one value for each of these six."""
+def _common_paths(pose: np.ndarray, tau: np.ndarray, slope: np.ndarray) -> np.ndarray:
+    """How places (n, W, 3 · 8) move that the centre of mass is 1 m elsewhere, by axis of the body, that gravity differs
+    by 1 m/s², by axis of the surface, and that drag is 1/s or 1/m; each place has one value for each of these eight.
+
+    `slope` (n, 2, 3) in m/s are the velocities on both sides.
+    """
     axes = np.moveaxis(rotation_matrix(np.moveaxis(pose[:, :, 3:], -1, 0)), (0, 1), (2, 3))
     falls = 0.5 * (tau**2)[..., None, None] * np.eye(3)
-    return np.concatenate([axes, falls], axis=3).reshape(*tau.shape, -1)
+    v = np.where((tau < 0.0)[..., None], slope[:, :1], slope[:, 1:])
+    slowed = -0.5 * (tau**2)[..., None] * v
+    drags = np.stack([slowed, np.linalg.norm(v, axis=2, keepdims=True) * slowed], axis=3)
+    return np.concatenate([axes, falls, drags], axis=3).reshape(*tau.shape, -1)
 
 
 def _without_common(off: np.ndarray, paths: np.ndarray, dof: np.ndarray) -> np.ndarray:
-    """Misfits (n, r) without what one centre of mass and one gravity of all hits explain by `paths` (n, r, 6).
+    """Misfits (n, r) without what one centre of mass, gravity and drag of all hits explain by `paths` (n, r, 8).
 
-    Neither is known yet, and would pass for noise.
+    None of them is known yet, and they would pass for noise.
     """
-    prior, left = np.diag(np.repeat([UNSEEN, UNKNOWN_GRAVITY], 3) ** -2.0), off
+    prior, left = np.diag(np.repeat(COMMON, (3, 3, 1, 1)) ** -2.0), off
     for _ in range(ROUNDS):
         size = (left**2).sum(axis=1) / dof
         kept = size <= ODD * np.quantile(size, CLEANEST)
