@@ -181,7 +181,7 @@ def test_stray_acceleration_is_estimated_and_widens_the_covariance():
     found = find(f)
     assert found.noise.stray[0] == pytest.approx(size, rel=0.2)
     assert found.noise.stray[2] == 0.0
-    assert any("accelerates" in text for text in found.warnings)
+    assert any("accelerations besides gravity" in text for text in found.warnings)
     error = errors(f, found)[0][:, [3, 6]]
     z2 = error**2 / np.einsum("nii->ni", found.impacts.cov)[:, [3, 6]]
     assert LOOSE_CHI2[0] < z2.mean() < LOOSE_CHI2[1]

@@ -36,13 +36,13 @@ def test_drag_is_named_with_its_size(dataset, effect: str, parameter: str, size:
 def test_a_law_is_not_adequate_where_slow_hits_do_not_rebound():
     found = verdict(stopping(1.0))
     assert found["verdict"] == "unexplained" and not found["remaining"]["structured"]
-    assert "does not rebound" in found["summary"][0]
-    assert any("and for none below" in sentence for sentence in found["summary"])
+    assert "and for none below" in found["summary"][0]
+    assert any("does not rebound" in sentence for sentence in found["summary"])
 
 
 def test_energy_that_grows_is_no_fault_of_the_camera():
     found = verdict(growing(60.0, 1))
-    assert found["verdict"] == "unexplained" and "Energy grows at" in found["summary"][0]
+    assert found["verdict"] == "unexplained" and any("Energy grows at" in sentence for sentence in found["summary"])
     assert not any(one["family"] == "measurement" for one in found["effects"])
     assert not any(word in " ".join(found["summary"]) for word in ("camera", "surface height", "smoothed"))
 
