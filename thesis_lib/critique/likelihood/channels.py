@@ -133,10 +133,10 @@ class _Touch(_Meet):
         return given_the_others(left.R[single, m:], left.S[single, m:, m:]) if single.any() else None
 
     def mean_square(self, z: np.ndarray, left: Misfits) -> float:
-        o, upper = left.observations, z
-        if not o.space.is_plane:
+        o, upper, meets = left.observations, z, MEET.in_sigmas(left)
+        if meets is not None and not o.space.is_plane:
             # flights that miss each other aside have another hit between them, which the gap cannot show
-            met = (np.abs(MEET.in_sigmas(left)[o.span == 0.0]) < MISSED).all(axis=1)
+            met = (np.abs(meets[o.span == 0.0]) < MISSED).all(axis=1)
             upper = z[met] if 2 * met.sum() > len(z) else z
         return max(super().mean_square(z, left), float(np.max(quantile_std(upper, UPPER)) ** 2))
 
