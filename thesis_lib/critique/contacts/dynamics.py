@@ -331,10 +331,9 @@ class Dynamics:
         limit, slip, pull = mu * np.maximum(-a_n, 0.0), np.stack(at.v[:2]), np.stack(along)
         if limit.ndim > 1:
             return on_ellipse(slip, limit, pull, span)
-        edges = np.asarray(self.values.get(EDGE_ANGLE.name, 0.0))
-        slip, pull = (about_normal(-edges, along) for along in (slip, pull)) if edges.any() else (slip, pull)
-        a = (self.model.law.force or NormalForce()).sliding(slip, limit, pull, span)
-        return about_normal(edges, a) if edges.any() else a
+        edges = self.values.get(EDGE_ANGLE.name, 0.0)
+        slip, pull = (about_normal(-edges, along) for along in (slip, pull))
+        return about_normal(edges, (self.model.law.force or NormalForce()).sliding(slip, limit, pull, span))
 
     def flown(self, true: State, h: np.ndarray) -> State:
         """The states after times h (n,) in s of flight."""

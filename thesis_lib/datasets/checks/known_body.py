@@ -29,7 +29,7 @@ FACTORS = {  # likely causes of a shape that is too large by a factor
 }
 UNLIKE = (300.0, 3000.0)  # noise of one column over that of another that is in mm and not in m; else at most tens
 NOISY = 1e-5  # m; below, the noise may be that of digits, or a simulation has none
-STILL, SHAKY = 0.1, 0.03  # extents of noise that no motion is taken for, and beyond which a column is no length in m
+STILL, SHAKY = 0.1, 0.03  # extents of noise that no motion is taken for, and beyond which a column cannot be in m
 FITS_BETTER = 3.0  # times by which the heights at impact scatter less if angles are in the right unit
 ROUNDED = 1e-3  # relative; numbers in dataset.yaml may have three digits
 NEAR = 0.15  # relative distance to such a factor

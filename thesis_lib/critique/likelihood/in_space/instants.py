@@ -191,9 +191,8 @@ class FoundHits:
     def guard(self, sigma: float, settings: ArcSettings, gravity: float) -> float:
         """Time in s from a hit within which samples with the noise `sigma` in m are rounded, 0 if none are.
 
-        Drag bends a path, too, and is taken out before.
-
-        First hits show it best: a body that hits again may have touched unseen in between.
+        First hits show it best: a body that hits again may have touched unseen in between.  Drag bends a path, too, and
+        is taken out before.
         """
         size, chosen, seen = (self.dv**2).sum(axis=1), np.diff(self.trial, prepend=-1) != 0, "before"
         if chosen.sum() < ENOUGH:

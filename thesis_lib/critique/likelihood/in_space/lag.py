@@ -28,6 +28,7 @@ FLIES = 0.5  # share of gravity by which the acceleration of a free body may see
 MODES = 4  # powers of time beyond the parabola that show how a body turns
 CLEAN, LEAST_CLEAN = 0.25, 1.5  # share of the pieces that hold no hit, and how much rougher those are that do
 BISQUARE, ROUNDS = 4.0, 20  # of the median misfit, beyond which a piece has no say
+EXACT = 1e-12  # m; a misfit of rounding
 EXPLAINED, CLEAR = 0.5, 8.0  # share of the squares that a lag must explain, and its own standard errors
 
 
@@ -35,7 +36,7 @@ def lag_in_flight(samples: Samples, states: State, arm: np.ndarray, gravity: flo
     """Time in s by which attitudes come later than places, as the paths of the believed centre of mass show it.
 
     0 where that is not clear.  `arm` (3, N) in m is the tracked point seen from that centre.  A tracked point that lies
-    elsewhere on the body, and turns with it, is no lag.
+    elsewhere on the body, and turns with it, does not count as a lag.
     """
     step = np.diff(samples.t)[np.diff(samples.run) == 0]
     interval = float(np.median(step)) if len(step) else 1.0
@@ -74,12 +75,12 @@ def _lag_of_pieces(
     X, left = np.stack(columns, axis=-1), y
     for _ in range(ROUNDS):
         misfit = np.sqrt((left**2).mean(axis=1))
-        scale = float(np.median(misfit))
+        scale = max(float(np.median(misfit)), EXACT)
         weight = np.clip(1.0 - (misfit / (BISQUARE * scale)) ** 2, 0.0, None) ** 2
         inverse = np.linalg.pinv(np.einsum("n,nri,nrj->ij", weight, X, X))
         value = inverse @ np.einsum("n,nri,nr->i", weight, X, y)
         left = y - X @ value
-    share = 1.0 - weight @ (left**2).sum(axis=1) / (weight @ (y**2).sum(axis=1))
+    share = 1.0 - weight @ (left**2).sum(axis=1) / max(weight @ (y**2).sum(axis=1), EXACT**2)
     # neighbouring pieces share half of their samples
     return float(value[0]), float(scale * np.sqrt(2.0 * inverse[0, 0])), float(share)
 
