@@ -10,11 +10,10 @@ import numpy as np
 import pandas as pd
 from scipy.stats import theilslopes
 
-from thesis_lib.bodies.minkowski import MinkowskiSum
 from thesis_lib.critique.likelihood.in_space.clear_flights import Poses, jump_across, state_under_gravity
+from thesis_lib.critique.likelihood.in_space.ground import SeenRig
 from thesis_lib.critique.likelihood.observations import LATE, LONGEST_WAIT, Observations, with_episodes
 from thesis_lib.datasets.impacts.episodes import groups_of_hits
-from thesis_lib.effects.effect import Rig
 from thesis_lib.mechanics.free_motion import flown
 from thesis_lib.mechanics.space import SPACE
 from thesis_lib.mechanics.state import State
@@ -126,15 +125,14 @@ def _hits_twice(poses: Poses, alone: pd.DataFrame) -> np.ndarray:
     return several
 
 
-def _touch(rig: Rig, state: State, way: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _touch(rig: SeenRig, state: State, way: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """When (n,) in s believed bodies reach the surface, on (`way` 1) or back (−1); the corner (n,), and whether another
     one is near."""
     tau = way * np.arange(0.0, LONGEST_WAIT, LOOK)
     free = flown(state.pose, state.motion, np.asarray(rig.tensor), rig.fall(state)[:3], tau)
-    shape: MinkowskiSum = rig.shape.minkowski  # pyright: ignore[reportAttributeAccessIssue]
     k, n = len(tau), len(state)
-    heights = shape.heights(free.pose[3:].reshape(4, -1)) + (free.pose[2].ravel() - rig.height)
-    heights = heights.reshape(-1, k, n)
+    later = state.select(np.tile(np.arange(n), k)).with_pose(free.pose.reshape(7, -1))
+    heights = rig.heights(later).reshape(-1, k, n)
     below = heights.min(axis=0) < 0.0
     at = np.where(below.any(axis=0), below.argmax(axis=0), 0)
     there = heights[:, at, np.arange(n)]

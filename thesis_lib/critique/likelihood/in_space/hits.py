@@ -5,7 +5,8 @@ mass come closest (`instants`); pose and motion beside it are those of `beside_h
 motion for the attitude.
 """
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -15,6 +16,7 @@ from thesis_lib.critique.likelihood.in_space.clear_flights import Poses, jumps, 
 from thesis_lib.critique.likelihood.in_space.episodes import ELSEWHERE, HARD, OFF_SURFACE, add_episodes
 from thesis_lib.critique.likelihood.in_space.flights import flights_in_space, noise_of_flights
 from thesis_lib.critique.likelihood.in_space.given import given_in_space
+from thesis_lib.critique.likelihood.in_space.ground import Ground, SeenRig, of_shape
 from thesis_lib.critique.likelihood.in_space.instants import (
     FoundHits,
     between_samples,
@@ -50,7 +52,7 @@ from thesis_lib.effects.whole_tosses import WholeTosses
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.mechanics.contact import contact_at
 from thesis_lib.mechanics.inertia import mobility
-from thesis_lib.mechanics.space import SPACE, rotation_matrix
+from thesis_lib.mechanics.space import SPACE
 from thesis_lib.mechanics.state import State
 from thesis_lib.statistics.spread import robust_std
 
@@ -63,20 +65,33 @@ CLEARLY = 1.1  # of the guard, by which contacts last longer
 TO_PLANE = [0, 2, 1]  # t_1, n, t_2: detection takes the second coordinate as the height
 
 
+@dataclass(frozen=True)
+class Known:
+    """What earlier looks at the same samples have found.
+
+    Attributes:
+        lags: times in s by which orientations come later than positions, each after those before it.
+        low_pass: a filter that has lowered all free falls.
+        ground: where bodies touch, if it is elsewhere than believed.
+    """
+
+    lags: tuple[float, ...] = ()
+    low_pass: LowPass | None = None
+    ground: Ground | None = None
+
+
+NOTHING = Known()
+
+
 def observe_in_space(
-    dataset: Dataset,
-    settings: ArcSettings | None = None,
-    episodes: bool = True,
-    lags: tuple[float, ...] = (),
-    low_pass: LowPass | None = None,
+    dataset: Dataset, settings: ArcSettings | None = None, episodes: bool = True, known: Known = NOTHING
 ) -> Observations:
     """Observations of the hits of a dataset in space, as impacts.csv states them, else as trajectories show them.
 
     What cannot be used has a reason in `found`.
 
     `episodes`: also hits that follow each other too quickly to see the flight between (`episodes_in_space`).
-    `lags`: times in s by which orientations were found to come later than positions, each after those before it.
-    `low_pass`: a filter that was found to have lowered all free falls.
+    `known`: what earlier looks at the same samples have found.
 
     Raises:
         UserError: there are several surfaces, the tracked frame is unknown and cannot be found, or a body other
@@ -94,12 +109,12 @@ def observe_in_space(
     dataset, settings = settled(dataset), settings or ArcSettings(min_window=FEWEST)
     header, given = dataset.in_space, settings
     whole, written, told = readable(dataset)
-    if late := sum(lags):
+    if late := sum(known.lags):
         whole, written = with_attitudes_later(whole, late), (*written, AsStamped(late))
     (frame,) = surface_frames(header)
     tracked, rig = tracked_states(whole), rig_of(dataset)
     states = frame.seen(body_states(tracked, header))
-    if low_pass is not None:
+    if (low_pass := known.low_pass) is not None:
         pull = rig.fall(states)[:3] + turning_pull(states, frame.seen(tracked).position - states.position)
         states = states.changed(states.position - 0.5 * low_pass.second_moment * pull)
     clock = Header.model_validate(  # what detection asks of a dataset in the plane: a third coordinate is in m, too
@@ -112,24 +127,24 @@ def observe_in_space(
     if (soft := lasting_contacts(samples, rig.gap(states), noise[0], dataset.gravity, tumbles=True)) is not None:
         told += (soft.sentence(),)
 
-    def again(least: float, lags: tuple[float, ...], low_pass: LowPass | None) -> Observations:
+    def again(least: float, **found: Any) -> Observations:
         changed = given.model_copy(update={"guard": max(given.guard, least)})
-        return observe_in_space(dataset, changed, episodes, lags, low_pass)
+        return observe_in_space(dataset, changed, episodes, replace(known, **found))
 
     def is_late(lag: float, guard: float) -> bool:
-        return abs(lag) > (0.0 if lags else guard) and len(lags) < MOST_LAGS
+        return abs(lag) > (0.0 if known.lags else guard) and len(known.lags) < MOST_LAGS
 
-    if dataset.has_angle and len(lags) < MOST_LAGS:
+    if dataset.has_angle and len(known.lags) < MOST_LAGS:
         lag = lag_in_flight(samples, states, frame.seen(tracked).position - states.position, dataset.gravity)
         if abs(lag) > max(given.guard, LATE, 1.5 * interval):
-            return again(interval, (*lags, lag), low_pass)
+            return again(interval, lags=(*known.lags, lag))
     found, G = find_hits(samples, clock, noise[0], settings), header.body.inertia_per_mass
     guard = found.guard(noise[0], settings, dataset.gravity)
     if rounded := guard > max(settings.guard, 1.5 * interval):  # of one interval is that of one side
         # attitudes that come late let the believed centre of mass sway, as if corners were rounded
         lag = lag_of_attitudes(_beside(found, states, G, noise, settings)[-1]) if dataset.has_angle else 0.0
         if is_late(lag, settings.guard):
-            return again(interval, (*lags, lag), low_pass)
+            return again(interval, lags=(*known.lags, lag))
         settings = settings.model_copy(update={"guard": guard})
     if smoothed:
         hits = Hits(found.trial, found.instant, np.ones(len(found.at), bool))
@@ -139,10 +154,10 @@ def observe_in_space(
     at, trial, instant = found.at, found.trial, found.instant
     reason, index, pose, tau, used, fitted = _beside(found, states, G, noise, settings)
     rows = np.flatnonzero(reason == "")
-    lag = lag_of_attitudes(fitted, REST if lags else LATE) if dataset.has_angle else 0.0
+    lag = lag_of_attitudes(fitted, REST if known.lags else LATE) if dataset.has_angle else 0.0
     if is_late(lag, settings.guard):
         # an attitude between two samples is of neither flight where there was a hit between them
-        return again(interval, (*lags, lag), low_pass)
+        return again(interval, lags=(*known.lags, lag))
     told += lag_warning(late + lag)
     second_hit, grown, slack = has_another_hit(
         *off_free_motion(fitted, pose, tau, used, G, dataset.gravity, noise, lag)
@@ -153,7 +168,8 @@ def observe_in_space(
         State.of(fitted.value[:, side], fitted.slope[:, side], trial[rows], since[rows], space=SPACE) for side in (0, 1)
     )
     first, second = (_under_gravity(of, fitted.bow[:, side], rig) for side, of in enumerate((lines, later)))
-    off_by = rig.gap(first)
+    looks = SeenRig(**vars(rig), ground=known.ground)
+    sunk, off_by = -rig.gap(first), looks.gap(first)
     # geometry that is believed wrongly moves all of them alike
     elsewhere = (
         np.abs(off_by - np.median(off_by)) > OFF_SURFACE * rig.shape.extent if len(off_by) else np.zeros(0, bool)
@@ -170,7 +186,7 @@ def observe_in_space(
         alone = np.flatnonzero(reason[rows] == "")
         met = first.select(alone)
         speeds = np.stack([-contact_velocity(met, rig)[2], contact_velocity(second.select(alone), rig)[2]], axis=1)
-        hopped = hops_unseen(-off_by[alone], speeds, _of_shape(met, rig), settings.guard)
+        hopped = hops_unseen(-off_by[alone], speeds, of_shape(rig.shape, met), settings.guard)
         reason[rows[alone[hopped]]] = "second_hit"
     if isinstance(header.body.solid, Sphere):
         bounces = np.flatnonzero(reason[rows] == "")
@@ -178,18 +194,20 @@ def observe_in_space(
         reason[rolls(speeds, rows[bounces], trial) & np.isin(reason, ("", "second_hit"))] = "no_bounce"
     kept = reason[rows] == ""
     touching_first = first.select(np.flatnonzero(kept))
-    lasts = contact_guard(-off_by[kept], approach_speed(touching_first, rig), _of_shape(touching_first, rig))
+    lasts = contact_guard(sunk[kept], approach_speed(touching_first, rig), of_shape(rig.shape, touching_first))
     if lasts > CLEARLY * settings.guard:
-        return again(lasts, lags, low_pass)
+        return again(lasts)
+    if dataset.has_angle and known.ground is None and (ground := Ground.seen(rig, touching_first)) is not None:
+        return again(0.0, ground=ground)
     hits = Hits(trial, instant, reason == "")
-    flights = flights_in_space(states, times, hits, rig, noise, _touching(off_by[kept])[1], settings.guard)
+    flights = flights_in_space(states, times, hits, looks, noise, _touching(off_by[kept])[1], settings.guard)
     if rounded and soft is None:
-        lasting = max(float(np.median(-off_by[kept] / approach_speed(touching_first, rig))), 0.0) if kept.any() else 0.0
+        lasting = max(float(np.median(sunk[kept] / approach_speed(touching_first, rig))), 0.0) if kept.any() else 0.0
         gravity = -float(np.median(flights.acceleration[:, 2])) if len(flights) else dataset.gravity
         corners, sigma = found.corners(reason == "", gravity), np.full(3, noise[0])
         seen_filter = low_pass_of(corners, samples, sigma, gravity, settings.guard, interval, lasting)
         if low_pass is None and seen_filter is not None and seen_filter.moves_parabolas:
-            return again(0.0, lags, seen_filter)
+            return again(0.0, low_pass=seen_filter, ground=None)
         low_pass = low_pass or seen_filter
         told += rounding_warning(settings.guard, given.guard, lasting, interval, low_pass)
     inner = samples.t[index[kept]]  # of the samples used: the last before and the first after
@@ -205,7 +223,7 @@ def observe_in_space(
     rig = replace(rig, recorded=WholeTosses.of(states, trial, since))
     seen, touching = (noise[0] * sigma[0], noise[1] * sigma[-1]), _touching(off_by[kept])
     all_hits = pd.DataFrame({"trial": trial, "impact": ordinals(trial), "t": instant, "reason": reason})
-    poses = Poses(samples, states, rig, seen, float(slack.max()))
+    poses = Poses(samples, states, looks, seen, float(slack.max()))
     nearby = seen_beside(poses, all_hits, touching[1] if kept.any() else 0.0, settings)
     single = Observations(
         rig=rig,
@@ -285,13 +303,6 @@ def approach_speed(state: State, rig: Rig) -> np.ndarray:
     of_turns = mobility(SPACE, np.asarray(rig.tensor), state.attitude)
     at = contact_at(SPACE, state.velocity, state.spin, rig.lowest(state), of_turns)
     return np.abs(at.v_n) / np.sqrt(at.K_nn)
-
-
-def _of_shape(state: State, rig: Rig) -> np.ndarray:
-    """Columns (n, 8) by which a wrong shape sinks bodies: 1, height of the centre, the surface's normal in axes of the
-    body, and the sizes of its components."""
-    normal = rotation_matrix(state.attitude)[2]
-    return np.concatenate([np.ones((1, len(state))), -rig.lowest(state)[2:], normal, np.abs(normal)]).T
 
 
 def hard_hits(o: Observations) -> pd.DataFrame:
