@@ -24,7 +24,7 @@ from thesis_lib.critique.drops.settings import ElsewhereSettings
 from thesis_lib.critique.likelihood.channels import MEET, TOUCH
 from thesis_lib.critique.likelihood.fit import Fit
 from thesis_lib.critique.likelihood.in_space.episodes import ELSEWHERE, OFF_SURFACE
-from thesis_lib.critique.likelihood.in_space.hits import contact_velocity
+from thesis_lib.critique.likelihood.in_space.observed import contact_velocity
 from thesis_lib.critique.likelihood.observations import Observations
 from thesis_lib.datasets.impacts.found import Away
 from thesis_lib.statistics.spread import robust_std

@@ -1,0 +1,136 @@
+"""A recording of a body in space as hits are looked for in it, given what earlier looks at it have found.
+
+A look that finds something which the next one has to take into account (orientations that come late, a filter, longer
+contacts, a surface that is not where it was believed to be) ends there, and the recording is looked at again.
+"""
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from thesis_lib.critique.likelihood.in_space.ground import Ground, SeenRig
+from thesis_lib.critique.likelihood.in_space.instants import (
+    noise_of_samples,
+    readable,
+    turning_pull,
+    with_attitudes_later,
+)
+from thesis_lib.critique.likelihood.observations import rig_of
+from thesis_lib.datasets.checks.in_space import one_clock
+from thesis_lib.datasets.checks.lasting_contacts import LastingContacts, lasting_contacts
+from thesis_lib.datasets.flights.low_pass import LowPass
+from thesis_lib.datasets.flights.rounding import sampling_interval
+from thesis_lib.datasets.format.dataset import Dataset
+from thesis_lib.datasets.format.frames import body_states, surface_frames, tracked_states
+from thesis_lib.datasets.format.header import Header
+from thesis_lib.datasets.format.samples import ArcSettings, Samples, make_samples
+from thesis_lib.effects.as_written import AsStamped
+from thesis_lib.effects.effect import Rig
+from thesis_lib.mechanics.state import State
+
+MOST_LAGS = 6  # steps to the lag of orientations; each one leaves less than half of it
+TO_PLANE = [0, 2, 1]  # t_1, n, t_2: detection takes the second coordinate as the height
+
+
+@dataclass(frozen=True)
+class Known:
+    """What earlier looks have found.
+
+    Attributes:
+        guard: s; samples nearer to a hit belong to neither flight, at least.
+        lags: times in s by which orientations come later than positions, each after those before it.
+        low_pass: a filter that has lowered all free falls.
+        ground: where bodies touch, if it is elsewhere than believed.
+    """
+
+    guard: float
+    lags: tuple[float, ...] = ()
+    low_pass: LowPass | None = None
+    ground: Ground | None = None
+
+    @property
+    def seeks_lags(self) -> bool:
+        """Whether orientations may still be found to come later."""
+        return len(self.lags) < MOST_LAGS
+
+    def is_late(self, lag: float, guard: float) -> bool:
+        """Whether orientations that come `lag` in s late are put in step; the first time it is longer than `guard`."""
+        return self.seeks_lags and abs(lag) > (0.0 if self.lags else guard)
+
+    def with_lag(self, lag: float, interval: float) -> "Known":
+        """With another lag: an attitude between two samples is of neither flight where there was a hit between them."""
+        return replace(self, lags=(*self.lags, lag), guard=max(self.guard, interval))
+
+
+@dataclass(frozen=True)
+class Recording:
+    """Samples of a body in space, in the frame of the surface.
+
+    Attributes:
+        dataset: with the pose of the tracked frame, if it had to be found.
+        settings: of the detection, with the guard that is known.
+        rig: as believed; `looks` has the ground on which hits are looked for.
+        states: (N,) of the centre of mass.
+        lever: (3, N) m, from it to the tracked point.
+        samples: the same for the detection of hits; `clock` is its header.
+        times, interval: (N,) s, which rise over all trials, and between two samples.
+        noise: one sigma of a place in m and of a component of a turn in rad; `smoothed`: samples hide it.
+        soft: contacts too long for impulses.
+        told: sentences for the user.
+        written: what is known of how the columns are written.
+    """
+
+    dataset: Dataset
+    settings: ArcSettings
+    known: Known
+    rig: Rig
+    states: State
+    lever: np.ndarray
+    samples: Samples
+    clock: Header
+    times: np.ndarray
+    noise: tuple[float, float]
+    smoothed: bool
+    soft: LastingContacts | None
+    told: tuple[str, ...]
+    written: tuple
+
+    @classmethod
+    def of(cls, dataset: Dataset, settings: ArcSettings, known: Known) -> "Recording":
+        """The recording of a dataset whose pose in the tracked frame is known."""
+        header, settings = dataset.in_space, settings.model_copy(update={"guard": known.guard})
+        whole, written, told = readable(dataset)
+        if late := sum(known.lags):
+            whole, written = with_attitudes_later(whole, late), (*written, AsStamped(late))
+        (frame,) = surface_frames(header)
+        tracked, rig = tracked_states(whole), rig_of(dataset)
+        states = frame.seen(body_states(tracked, header))
+        lever = frame.seen(tracked).position - states.position
+        if known.low_pass is not None:
+            pull = rig.fall(states)[:3] + turning_pull(states, lever)
+            states = states.changed(states.position - 0.5 * known.low_pass.second_moment * pull)
+            lever = frame.seen(tracked).position - states.position
+        clock = Header.model_validate(  # what detection asks of a dataset in the plane: a third coordinate is in m, too
+            {"schema": 1, "body": {"shape": {"kind": "disk", "radius": 2.0}, "radius_of_gyration": 1.0}}
+            | {"gravity": dataset.gravity, "rate": dataset.rate}
+        )
+        samples = make_samples(states.trial, states.t, states.position[TO_PLANE].T, clock, settings)
+        noise, smoothed = noise_of_samples(samples, states, header)
+        soft = lasting_contacts(samples, rig.gap(states), noise[0], dataset.gravity, tumbles=True)
+        told = told if soft is None else (*told, soft.sentence())
+        parts = (rig, states, lever, samples, clock, one_clock(whole)[1], noise, smoothed, soft, told, written)
+        return cls(dataset, settings, known, *parts)
+
+    @property
+    def G(self) -> np.ndarray:
+        """The believed inertia per mass (3, 3) in m²."""
+        return self.dataset.in_space.body.inertia_per_mass
+
+    @cached_property
+    def interval(self) -> float:
+        return sampling_interval(self.samples)
+
+    @cached_property
+    def looks(self) -> SeenRig:
+        return SeenRig(**vars(self.rig), ground=self.known.ground)
