@@ -1,13 +1,23 @@
 """The insights of figure 3-10 as numbers, on parameters whose answer is known."""
 
+from dataclasses import replace
+
 import numpy as np
 import pandas as pd
 import pytest
 from known_truth import falling_ellipses
 
-from thesis_lib.thesis.impact_study.statements import FOLLOWED, STUDIED, epsilon_modes, flatness, individual_rows
+from thesis_lib.thesis.impact_study.statements import (
+    FOLLOWED,
+    STUDIED,
+    epsilon_modes,
+    flatness,
+    individual_rows,
+    single_hits,
+)
 
 N = 400
+INSIDE = 1.0  # N s, in the middle of the misfits that are drawn below
 SAMPLED = 0.05  # of a quantile range: 20 000 values know it to a percent
 
 
@@ -63,7 +73,7 @@ def value(rows, statement, law=STUDIED):
 
 class TestRows:
     def test_nothing_is_found_where_nothing_is(self, made):
-        rows = individual_rows(*made)
+        rows = individual_rows(*made, INSIDE)
         ratio, std = value(rows, "misfit_lower_left")
         assert abs(ratio - 1.0) < 4 * std
         assert value(rows, "mu_zero")[0] == 0.0 and value(rows, "mu_zero")[1] > 0.0
@@ -76,7 +86,7 @@ class TestRows:
         low = individual["mu"] < individual.loc[own, "mu"].quantile(0.25)
         low &= individual["epsilon"] < individual.loc[own, "epsilon"].quantile(0.25)
         individual.loc[own & low, "misfit"] *= 3.0
-        rows = individual_rows(impacts, individual, ensemble)
+        rows = individual_rows(impacts, individual, ensemble, INSIDE)
         ratio, std = value(rows, "misfit_lower_left")
         assert ratio == pytest.approx(3.0, rel=0.2) and ratio - 1.0 > 3 * std
         other, other_std = value(rows, "misfit_lower_left", "mirtich")
@@ -89,18 +99,46 @@ class TestRows:
         keys = pd.MultiIndex.from_arrays([impacts.trial[central], impacts.impact[central]])
         chosen = pd.MultiIndex.from_frame(individual[["trial", "impact"]]).isin(keys)
         individual.loc[chosen & (individual["law"] == STUDIED), "mu"] = 0.0
-        rows = individual_rows(impacts, individual, ensemble)
+        rows = individual_rows(impacts, individual, ensemble, INSIDE)
         offset = np.abs(impacts.r[:, 0])
         ratio, std = value(rows, "mu_zero_offset")
         assert ratio == pytest.approx(offset[central].mean() / offset[~central].mean())
         assert ratio + 3 * std < 1.0
         assert value(rows, "mu_zero")[0] == pytest.approx(0.2, abs=1 / N)
 
+    def test_back_spin_out_of_range_is_counted_of_back_spin_alone(self, made):
+        impacts, individual, ensemble = made
+        turned = np.arange(N) < N // 2
+        impacts = replace(impacts, v_post=np.where(turned[:, None], -1.0, 1.0) * impacts.v_pre)
+        keys = pd.MultiIndex.from_arrays([impacts.trial[turned], impacts.impact[turned]])
+        of_turned = pd.MultiIndex.from_frame(individual[["trial", "impact"]]).isin(keys)
+        individual["misfit"] = np.where(of_turned & (individual["law"] == STUDIED), 2.0 * INSIDE, 0.5 * INSIDE)
+        rows = individual_rows(impacts, individual, ensemble, INSIDE)
+        assert value(rows, "back_spin_outside")[0] == 1.0 and value(rows, "back_spin_outside", "mirtich")[0] == 0.0
+        individual["misfit"] = np.where(of_turned, 0.5 * INSIDE, 2.0 * INSIDE)
+        assert value(individual_rows(impacts, individual, ensemble, INSIDE), "back_spin_outside")[0] == 0.0
+
     def test_impacts_that_a_law_never_resolves_are_left_out(self, made):
         impacts, individual, ensemble = made
         spoiled = individual.copy()
         spoiled.loc[spoiled.index[:50], ["mu", "epsilon", "misfit"]] = np.nan
         kept = individual.drop(individual.index[:50])
-        a, b = (individual_rows(impacts, table, ensemble) for table in (spoiled, kept))
+        a, b = (individual_rows(impacts, table, ensemble, INSIDE) for table in (spoiled, kept))
         assert [row[:2] for row in a] == [row[:2] for row in b]
         np.testing.assert_allclose([row[2] for row in a], [row[2] for row in b], rtol=1e-12)
+
+
+def test_single_hits_are_counted_among_the_first_three_that_were_seen(rng):
+    impacts = replace(falling_ellipses(rng, 4), trial=np.array([0, 0, 1, 1]), impact=np.array([0, 3, 0, 1]))
+    hits = [
+        (0, 1, "second_hit"),
+        (0, 2, "second_hit"),
+        (1, 2, "lost_frames"),
+        (2, 0, "stays_down"),
+        (2, 5, "second_hit"),
+    ]
+    statement, law, share, std, unit = single_hits(impacts, pd.DataFrame(hits, columns=["trial", "impact", "reason"]))
+    # 1 of 3 in trial 0, 2 of 2 in trial 1, 0 of 1 in trial 2
+    assert (statement, law, unit) == ("single_hits", "", "1") and share == pytest.approx(0.5)
+    off = np.array([1 - 1.5, 2 - 1.0, 0 - 0.5])
+    assert std == pytest.approx(np.sqrt(1.5 * np.sum(off**2)) / 6)

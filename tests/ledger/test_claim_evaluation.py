@@ -4,7 +4,16 @@ import pytest
 
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.foundation.files import write_table
-from thesis_lib.thesis.ledger.result import COLUMNS, ClaimStatus, refuse_errors, render_page, summary_line, to_table
+from thesis_lib.thesis.ledger.format import CUBE
+from thesis_lib.thesis.ledger.result import (
+    COLUMNS,
+    ClaimStatus,
+    decided_line,
+    refuse_errors,
+    render_page,
+    summary_line,
+    to_table,
+)
 
 ABS = {"kind": "abs", "tolerance": 0.01, "reason": "rounding"}
 ORDER = {"kind": "ordering", "key": "law"}
@@ -218,3 +227,25 @@ def test_what_the_quick_scale_cannot_tell_is_not_decided_there(entries, judged):
     assert summary_line([quick]) == "1 claim: 0 reproduced, 0 deviate, 0 without data, 1 not decided at this scale."
     assert judged([noisy], scale="default")[0].status is ClaimStatus.REPRODUCED
     assert "10 impacts are too few" in render_page([quick])
+
+
+def test_the_head_counts_what_the_results_decide(entries, judged):
+    first = entries[0]
+    changed = (
+        {"weak": "anything passes"},
+        {"weak": "too", "published": 1},
+        {"quick": "too few"},
+        {"needs": ["absent"]},
+        {"chapter": CUBE},
+        {"source": {**first["source"], "file": "missing.csv"}},
+    )
+    present = {"planar_impact": True, "absent": False}
+    more = [{**first, "id": f"a.{name}", **changes} for name, changes in zip("bcdefg", changed)]
+    found = judged([first, *more], present, scale="quick")
+    assert decided_line(found[:1]) == "Of 1 statements of the thesis these results decide 1: 1 for it, 0 against."
+    line = decided_line(found)
+    assert line == (
+        "Of 6 statements of the thesis these results decide 2: 1 for it, 1 against. Open are 4: 1 where a wrong "
+        "result could agree as well, 1 for noise at this scale, 1 for want of data, 1 for an error."
+    )
+    assert line in render_page(found)

@@ -37,7 +37,8 @@ def results(tmp_path_factory) -> dict[str, pd.DataFrame]:
     folder = tmp_path_factory.mktemp("study")
     small_dataset(folder / "small")
     paths = {name: str(folder / f"{name}.csv") for name in (*TABLES, *JUDGED)}
-    source = {"header": str(folder / "small" / "dataset.yaml")}
+    source = {"header": str(folder / "small" / "dataset.yaml"), "left_out": str(folder / "left_out.csv")}
+    pd.DataFrame({"trial": [0], "impact": [1], "reason": "second_hit"}).to_csv(source["left_out"], index=False)
     for script, inputs, outputs in (
         ("ch3_identify", (), TABLES),
         ("ch3_evaluate", ("ensemble", "individual", "split", "topography", "convergence"), JUDGED),

@@ -13,6 +13,7 @@ CH2_CLAIMED = [
         "impact_force_summary",
         "measured_ratio",
         "wheel_forces",
+        "wheel_mass",
         "arm_summary",
         "arm_forces",
     )

@@ -41,6 +41,7 @@ rule ch3_evaluate:
     input:
         header="results/impacts/{dataset}/dataset.yaml",
         impacts="results/impacts/{dataset}/impacts.csv",
+        left_out="results/impacts/{dataset}/left_out.csv",
         ensemble=CH3_TABLES["ensemble"],
         individual=CH3_TABLES["individual"],
         split=CH3_TABLES["split"],

@@ -150,7 +150,8 @@ rule ch5_game:
 
 rule ch5_study:
     input:
-        CH5_GAME_FILES,
+        games=CH5_GAME_FILES,
+        movable=f"{CH5}/movable_summary.csv",
     output:
         [f"{CH5}/study_{name}.csv" for name in CH5_STUDY_TABLES],
         drawn_by("ch5_study"),
@@ -164,6 +165,7 @@ rule ch5_study:
         **needs("ch5_study"),
     params:
         shown=CONFIG.chapter5.games.shown,
+        threshold_mm=CONFIG.chapter5.setup.movable.threshold_mm,
         lib=code_of("ch5_study"),
     message:
         "Chapter 5: what the games say"

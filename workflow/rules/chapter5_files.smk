@@ -6,7 +6,7 @@ CH5_GAME_FILES = [
     for i in range(towers)
 ]
 CH5_SETS = [f"{CH5}/samples/set_{i}.csv" for i in range(CONFIG.chapter5.samples.sets)]
-CH5_STUDY_TABLES = ("games", "attempts", "curve", "paired", "success", "needed")
+CH5_STUDY_TABLES = ("games", "attempts", "curve", "paired", "success", "needed", "statements")
 CH5_MODEL_TABLES = ("agreement", "abstractions", "cone", "height", "summary", "belief", "experts", "experts_summary")
 CH5_CLAIMED = [
     f"{CH5}/{name}.csv"
@@ -15,6 +15,7 @@ CH5_CLAIMED = [
         "study_curve",
         "study_paired",
         "study_success",
+        "study_statements",
         "model_summary",
         "model_agreement",
         "model_belief",

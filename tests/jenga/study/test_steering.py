@@ -55,16 +55,21 @@ def test_the_summary_counts_blocks_and_sides():
     steps, ends = [], []
     for block, edge, yaw, offset, saved in ((1, 8, -3, -8, 4), (1, -8, 3, 8, 0), (2, 8, -2, -4, 5), (2, -8, 2, -4, 1)):
         for steered in (0, 1):
-            ends.append((1, block, edge, steered, 10 - saved * steered))
+            ends.append((1, block, edge, steered, 10 - saved * steered, int(steered or saved != 4)))
             rows = [(1, block, edge, steered, 0, 0.0, edge, 0)]  # the disturbance does not count
             rows += [(1, block, edge, steered, step, yaw, offset * steered, 1) for step in range(1, 6)]
             steps += [*rows, (1, block, edge, steered, 6, 0.0, 12.5, 1)]  # nor do later steps
     names = [*PUSH, "steered"]
-    ends = pd.DataFrame(ends, columns=[*names, "stray"])
+    ends = pd.DataFrame(ends, columns=[*names, "stray", "out"])
     found = steering_summary(pd.DataFrame(steps, columns=[*names, "step", "yaw", "offset", "controlled"]), ends)
     found = found.set_index("quantity")
     assert found.loc["stray_saved", ["value", "n"]].tolist() == [2.5, 2]  # mean of blocks that saved 2 and 3
     assert found.loc["stray_saved", "std"] == pytest.approx(0.5)
+    assert found.loc["out_saved", ["value", "std", "n"]].tolist() == [
+        0.25,
+        0.25,
+        2,
+    ]  # one of four came out only steered
     assert found.loc["turned_back", ["value", "n"]].tolist() == [0.75, 4]
     assert found.loc["edge", "value"] == pytest.approx((8 + 8 + 4 + 4) / 4 / 12.5)
 

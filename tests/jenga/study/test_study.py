@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 import numpy as np
+import pandas as pd
 import pytest
 from pushes_for_tests import make_samples
 
@@ -12,7 +13,14 @@ from thesis_lib.jenga.play.controller import Learned
 from thesis_lib.jenga.play.game import Attempt, Game
 from thesis_lib.jenga.play.players import policy_of
 from thesis_lib.jenga.play.settings import Chapter5
-from thesis_lib.jenga.study.study import games_table, needed_samples, paired, study_tables, success_table
+from thesis_lib.jenga.study.study import (
+    games_table,
+    needed_samples,
+    paired,
+    statements_table,
+    study_tables,
+    success_table,
+)
 from thesis_lib.statistics.intervals import student_mean
 
 
@@ -77,6 +85,36 @@ def test_successes_count_attempts_of_each_action_and_hold_the_published_ones():
     assert table.loc[("learned", "side", "extract"), "published"] == pytest.approx(0.783, abs=1e-3)
     both = table.xs("push", level="action").loc["learned", "attempts"]
     assert both["side"] + both["middle"] == both["all"]
+
+
+def test_statements_compare_shares_ends_and_the_network_tower_by_tower():
+    ends = {
+        "hma": ("all tried", "tower toppled", "block dropped", "fell from the top", "all tried", "all tried"),
+        "hma_without_cost": ("tower toppled",) * 4 + ("all tried",) * 2,
+        "network": ("all tried",) * 2 + ("tower toppled",) * 4,
+    }
+    blocks = {"hma": (8, 4, 4, 4, 6, 6), "hma_without_cost": (1,) * 6, "network": (5, 4, 2, 2, 2, 2)}
+    played = [
+        (100, game(name, 100 + i, out, end=end))
+        for name, all_ends in ends.items()
+        for i, (out, end) in enumerate(zip(blocks[name], all_ends))
+    ]
+    tables = study_tables(
+        [*played, (0, game("exploration", 100, 4)), (100, Game("hma", 106, 0, 45, [], "refused"))], 100
+    )
+    tables["success"].loc[lambda t: (t["phase"] == "exploration") & (t["action"] == "extract"), "share"] = 0.5
+    movable = pd.Series({"mean": 0.6, "low": 0.5, "high": 0.7, "n": 10})
+    rows = statements_table(tables["games"], tables["success"], movable, 100).set_index("quantity")
+    assert rows.loc["side_extraction_gain", "value"] == 2.0
+    assert rows.loc["push_less_movable", "value"] == pytest.approx(0.4 - 0.6)
+    assert rows.loc["push_less_movable", "std"] > 0.1 / 2.3  # half the interval over Student's t of 9
+    assert rows.loc["lost_in_two_ways", ["value", "n"]].tolist() == [pytest.approx(2 / 3), 3]
+    assert rows.loc["toppled_without_cost", ["value", "n"]].tolist() == [pytest.approx(4 / 6 - 1 / 6), 6]
+    assert rows.loc["network_loses_more", ["value", "n"]].tolist() == [pytest.approx(4 / 6 - 3 / 6), 6]
+    assert rows.loc["network_brings_less", ["value", "n"]].tolist() == [3.0, 1]  # tower 100 alone is lost by neither
+    alone = games_table([pair for pair in played if pair[1].policy == "hma"])
+    kept = statements_table(alone, tables["success"], movable, 100)["quantity"]
+    assert kept.tolist() == ["side_extraction_gain", "push_less_movable", "lost_in_two_ways"]
 
 
 def test_policies_by_name():

@@ -103,12 +103,14 @@ def _push(
 def steering_summary(steps: pd.DataFrame, ends: pd.DataFrame) -> pd.DataFrame:
     """Summary of `steering_pushes`: rows of quantity, value, std (standard error), low, high (95 %), n.
 
-    stray_saved: stray (mm) of the straight push less that of the steered one, mean over blocks.  turned_back: share of
-    steered pushes whose contact, mean of the controller's first `FIRST` steps, lies on the side that turns the block
-    back (+y turns it to −yaw).  edge: that contact's distance from the centre, as a share of half the block's width.
+    stray_saved: stray (mm) of the straight push less that of the steered one, mean over blocks.  out_saved: share of
+    pushes that do not reach the goal, the same difference.  turned_back: share of steered pushes whose contact, mean of
+    the controller's first `FIRST` steps, lies on the side that turns the block back (+y turns it to −yaw).  edge: that
+    contact's distance from the centre, as a share of half the block's width.
     """
-    wide = ends.pivot(index=PUSH, columns="steered", values="stray")
-    saved = (wide[0] - wide[1]).groupby(PUSH[:2]).mean().to_numpy()
+    wide = ends.pivot(index=PUSH, columns="steered", values=["stray", "out"])
+    saved = (wide["stray"][0] - wide["stray"][1]).groupby(PUSH[:2]).mean().to_numpy()
+    out_saved = (wide["out"][1] - wide["out"][0]).groupby(PUSH[:2]).mean().to_numpy(float)
     controlled = steps[(steps["steered"] == 1) & (steps["controlled"] == 1)]
     chosen = controlled.groupby(PUSH).head(FIRST).groupby(PUSH)
     offset, yaw = chosen["offset"].mean(), chosen["yaw"].first()
@@ -116,6 +118,7 @@ def steering_summary(steps: pd.DataFrame, ends: pd.DataFrame) -> pd.DataFrame:
     n = len(back)
     rows = [
         ("stray_saved", *mean_row(saved)),
+        ("out_saved", *mean_row(out_saved)),
         ("turned_back", float(back.mean()), wilson_std(float(back.mean()), n), *wilson(float(back.sum()), n), n),
         ("edge", *mean_row(edge)),
     ]

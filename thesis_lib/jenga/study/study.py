@@ -7,6 +7,19 @@ orders and noise:
 
 A refused game (an unusable tower) is counted and leaves its tower out of that policy's comparisons.  `size` is the
 number of samples, 0 for policies without training.
+
+Statements of the thesis as numbers, for the claims ledger (`statements_table`; sections 5.5.2 and 5.5.3):
+
+| quantity             | value                                                                                  |
+|----------------------|----------------------------------------------------------------------------------------|
+| side_extraction_gain | share of extractions of side blocks that succeed, learned over exploration             |
+| push_less_movable    | share of exploring pushes that succeed less the share of movable blocks, `movable`     |
+| lost_in_two_ways     | share of the games that HMA loses in which the tower topples or the block is dropped   |
+| toppled_without_cost | share of towers that topple if HMA ignores p(no move), less that if it does not        |
+| network_loses_more   | share of games that the network loses less that of HMA, from `shown` samples on        |
+| network_brings_less  | blocks by which HMA is ahead of the network in games that neither loses, the same sizes |
+
+A game is lost if it ends before all blocks have been tried.  Differences are taken tower by tower, over all sizes.
 """
 
 from collections.abc import Sequence
@@ -14,8 +27,8 @@ from collections.abc import Sequence
 import numpy as np
 import pandas as pd
 
-from thesis_lib.jenga.play.game import Game
-from thesis_lib.statistics.intervals import mean_row, student_mean, wilson
+from thesis_lib.jenga.play.game import ALL_TRIED, DROPPED, TOPPLED, Game
+from thesis_lib.statistics.intervals import Z95, clustered_mean, mean_of, mean_row, student_mean, wilson
 
 # (attempts, successes) of push, extract and place in figure 5-6
 PUBLISHED = {
@@ -137,3 +150,63 @@ def needed_samples(games: pd.DataFrame, first: int, policy: str = "mor") -> pd.D
     needed = [next((float(end[0]) for end in ends if end[column] <= 0.0), np.nan) for column in (1, 2, 3)]
     row = (policy, "hma", first, *needed)
     return pd.DataFrame([row], columns=["policy", "of", "size", "needed", "needed_low", "needed_high"])
+
+
+def statements_table(games: pd.DataFrame, success: pd.DataFrame, movable: pd.Series, shown: int) -> pd.DataFrame:
+    """Rows of quantity, value, std (standard error, NaN of a single tower), n, as in the module's table.
+
+    `games` and `success` are tables of the study, `shown` the number of samples of the learned policy in `success`,
+    `movable` the share of movable blocks (mean, low, high: 95 %, n towers).  What was not played gives no row.
+    """
+    played = games[games["refused"] == 0].assign(
+        lost=lambda table: (table["end"] != ALL_TRIED).astype(float),
+        toppled=lambda table: (table["end"] == TOPPLED).astype(float),
+        in_two_ways=lambda table: table["end"].isin((TOPPLED, DROPPED)).astype(float),
+    )
+    rows = [*_of_success(success, movable), *_of_ends(played, shown), *_of_network(played, shown)]
+    table = pd.DataFrame(rows, columns=["quantity", "value", "std", "n"])
+    return table[np.isfinite(table["value"])].reset_index(drop=True)
+
+
+def _of_success(success: pd.DataFrame, movable: pd.Series) -> list[tuple[str, float, float, int]]:
+    from scipy.special import stdtrit
+
+    by = success.set_index(["phase", "position", "action"])
+    explored, learned = (by.loc[(phase, "side", "extract")] for phase in ("exploration", "learned"))
+    push = by.loc[("exploration", "all", "push")]
+    gain = learned["share"] / explored["share"] if explored["successes"] else np.nan
+    gain_std = gain * np.hypot(learned["std"] / learned["share"], explored["std"] / explored["share"])
+    half = float(stdtrit(max(movable["n"] - 1, 1), 0.975))  # of the interval, in standard errors
+    movable_std = (movable["high"] - movable["low"]) / (2.0 * half)
+    apart, apart_std = push["share"] - movable["mean"], float(np.hypot(push["std"], movable_std))
+    return [
+        ("side_extraction_gain", gain, gain_std, int(explored["attempts"] + learned["attempts"])),
+        ("push_less_movable", apart, apart_std, int(push["attempts"])),
+    ]
+
+
+def _of_ends(played: pd.DataFrame, shown: int) -> list[tuple[str, float, float, int]]:
+    lost = played[(played["policy"] == "hma") & (played["lost"] == 1.0)]
+    share, low, high = clustered_mean(lost["in_two_ways"].to_numpy(), lost["tower"].to_numpy())
+    rows = [("lost_in_two_ways", share, (high - low) / (2.0 * Z95), len(lost))]
+    toppled = played.pivot_table(index="tower", columns=["policy", "size"], values="toppled")
+    if {("hma", shown), ("hma_without_cost", shown)} <= set(toppled.columns):
+        apart = _differences(toppled, ("hma_without_cost", shown), ("hma", shown))
+        rows.append(("toppled_without_cost", *_mean(apart)))
+    return rows
+
+
+def _of_network(played: pd.DataFrame, shown: int) -> list[tuple[str, float, float, int]]:
+    part = played[played["size"] >= shown]
+    ours, network = (part[part["policy"] == name].set_index(["tower", "size"]) for name in ("hma", "network"))
+    pairs = ours.merge(network, left_index=True, right_index=True, suffixes=("_hma", "_network"))
+    loses = (pairs["lost_network"] - pairs["lost_hma"]).groupby("tower").mean()
+    unlost = pairs[(pairs["lost_network"] == 0.0) & (pairs["lost_hma"] == 0.0)]
+    less = (unlost["extractions_hma"] - unlost["extractions_network"]).groupby("tower").mean()
+    return [("network_loses_more", *_mean(loses)), ("network_brings_less", *_mean(less))]
+
+
+def _mean(values: np.ndarray | pd.Series) -> tuple[float, float, int]:
+    """Mean over towers, standard error and number of towers; NaN without any."""
+    values = np.asarray(values, float)
+    return (*mean_of(values), len(values)) if len(values) else (np.nan, np.nan, 0)

@@ -107,9 +107,9 @@ def _check(options: argparse.Namespace) -> int:
 
 
 def _print_text(options: argparse.Namespace, results: list, changes: list, figures, differing) -> None:
-    from thesis_lib.thesis.ledger.result import SIGNS, ClaimStatus, summary_line
+    from thesis_lib.thesis.ledger.result import SIGNS, ClaimStatus, decided_line, summary_line
 
-    print(f"Claims at scale {options.scale}\n{summary_line(results)}")
+    print(f"Claims at scale {options.scale}\n{summary_line(results)}\n{decided_line(results)}")
     for r in results:
         if r.status in (ClaimStatus.DEVIATES, ClaimStatus.ERROR):
             print(f"  {SIGNS[r.status]} {r.claim.id} ({r.claim.location})")

@@ -16,6 +16,7 @@ A row has `statement`, `law` ('' if it concerns none), `value`, `std` (NaN if un
 | convexity_violations       | share of grid triples at which the cost of figure 3-7 is not convex              |
 | local_minima               | points of that grid that are below all eight neighbours                          |
 | small_momentum             | AP Poisson: mean error at the lowest fourth of tangential momentum over the rest |
+| single_hits                | share of the first three hits of a trial that are clean single impacts (section 2.5) |
 
 `converged_at` without a law is that of the slowest law.  `energy` explains its rows.
 
@@ -26,6 +27,8 @@ The thesis's insights from figure 3-10, about individual parameters (μ_i, ε_i)
 | individual_minus_ensemble_mu, _epsilon | all | mean of the individual parameters minus the ensemble's           |
 | mu_zero                    | some | share of impacts whose individual μ is below 0.001                          |
 | mu_zero_offset             | some | mean abs(r_x) of those impacts over that of the rest (figure 3-11 a)        |
+| back_spin_outside          | some | share of measured back-spin that lies outside the law's range (figure 3-11 b) |
+| beyond_sticking_outside    | some | the same of measured impulses beyond the line of sticking                   |
 | misfit_lower_left          | some | mean misfit where both μ_i and ε_i are in their lowest quarter, over the rest |
 | epsilon_mode               | some | where the density of the individual ε peaks (Gaussian kernel, Scott's bandwidth) |
 | epsilon_modes              | some | number of peaks above a tenth of the highest                                |
@@ -50,7 +53,7 @@ from thesis_lib.contact.bounds import best_post_hoc, irb_bound
 from thesis_lib.contact.space import beyond_sticking, velocity_error
 from thesis_lib.datasets.format.impacts import Impacts
 from thesis_lib.mechanics.contact import Contact
-from thesis_lib.statistics.intervals import mean_of, ratio_of_means, share_of
+from thesis_lib.statistics.intervals import Z95, clustered_mean, mean_of, ratio_of_means, share_of
 from thesis_lib.thesis.impact_study.study import convexity_violations, pick
 from thesis_lib.thesis.impact_study.tables import MU_ZERO, VARIANTS
 
@@ -58,6 +61,8 @@ MU_INCLINED_PLANE = 0.3  # PLA on aluminium, thesis section 3.4
 MAPPED = "anitescu_potra_poisson"  # the law of figure 3-9
 STUDIED = "anitescu_potra_newton"  # the law of figures 3-10 and 3-11
 TAIL = 0.1  # share of the held-out impacts with the largest errors
+BOUNCES = 3  # of a trial; section 2.5: "we considered the first 3 bounces"
+NOT_SEEN = ("off_wall", "lost_frames", "window_too_short", "no_approach")  # reasons that say nothing about a hit
 FOLLOWED = (STUDIED, "mirtich", "wang_mason", "anitescu_potra_poisson")
 
 Row = tuple[str, str, float, float, str]
@@ -73,11 +78,13 @@ def statements(
     convergence: pd.DataFrame,
     tolerance: float,
     energy: pd.DataFrame | None = None,
+    left_out: pd.DataFrame | None = None,
 ) -> pd.DataFrame:
     """All statements, in the kinetic weighting; predictions are judged on impacts with train = 0 in `split` only.
 
     `ensemble` and `individual` (of all impacts studied) are of both weightings, `errors` are the `held_out_errors` in
-    the kinetic one, `topography` and `convergence` (any laws) as in figure 3-7, `energy` from `energy_statements`.
+    the kinetic one, `topography` and `convergence` (any laws) as in figure 3-7, `energy` from `energy_statements`,
+    `left_out` the hits of recorded motions that are no single impacts (None: no motions were recorded).
     Impulses within `tolerance` in m/s, over the mass, of what a law can predict are in its range.
     """
     held_out = pick(impacts, split, train=0)
@@ -109,7 +116,9 @@ def statements(
         steep = _errors_at(held_out, str(law), MU_INCLINED_PLANE, fit["epsilon"])
         rows.append(("steep_friction", law, *mean_of(steep - at_ensemble), "m/s"))
     rows += _over_best_post_hoc(errors)
-    rows += individual_rows(impacts, individual, ensemble)
+    rows += individual_rows(impacts, individual, ensemble, tolerance * impacts.mass)
+    if left_out is not None:
+        rows.append(single_hits(impacts, left_out))
     table = pd.DataFrame(rows, columns=["statement", "law", "value", "std", "unit"])
     return table if energy is None else pd.concat([table, energy], ignore_index=True)
 
@@ -191,14 +200,35 @@ def _small_momentum(held_out: Impacts, errors: pd.DataFrame) -> tuple[float, flo
     return ratio_of_means(error[small], error[~small])
 
 
-def individual_rows(impacts: Impacts, individual: pd.DataFrame, ensemble: pd.DataFrame) -> list[Row]:
+def single_hits(impacts: Impacts, left_out: pd.DataFrame) -> Row:
+    """Share of a trial's first `BOUNCES` hits that are clean single impacts, with its standard error over trials.
+
+    `impacts` are all single impacts that were found, `left_out` (trial, impact, reason) the other hits, counted in the
+    same row: hits close together, and those after which the body stays down or does not fly.  Hits that were not seen
+    well enough (`NOT_SEEN`) do not count.
+    """
+    seen = left_out[(left_out["impact"] < BOUNCES) & ~left_out["reason"].isin(NOT_SEEN)]
+    alone = impacts.trial[impacts.impact < BOUNCES]
+    is_single = np.concatenate([np.ones(len(alone)), np.zeros(len(seen))])
+    share, low, high = clustered_mean(is_single, np.concatenate([alone, seen["trial"].to_numpy(int)]))
+    return "single_hits", "", share, (high - low) / (2.0 * Z95), "1"
+
+
+def individual_rows(impacts: Impacts, individual: pd.DataFrame, ensemble: pd.DataFrame, tolerance: float) -> list[Row]:
     """Rows (statement, law, value, std, unit).
 
     `individual` (trial, impact, law, mu, epsilon, misfit; impacts among `impacts`) and `ensemble` (mu, mu_std, epsilon,
-    epsilon_std, indexed by law) are of one weighting.
+    epsilon_std, indexed by law) are of one weighting.  An impulse lies outside if its misfit exceeds `tolerance` in
+    N s.
     """
     keys = pd.MultiIndex.from_arrays([impacts.trial, impacts.impact])
     offset = pd.Series(np.abs(impacts.r[:, 0]), keys)
+    target = target_of(impacts)
+    measured = target.space, target.c_t, target.c_n
+    unusual = {
+        "back_spin": pd.Series(reverses(*measured), keys),
+        "beyond_sticking": pd.Series(crosses(*measured), keys),
+    }
     rows: list[Row] = []
     for law, fit in ensemble.iterrows():
         each = individual[individual["law"] == law]
@@ -208,8 +238,13 @@ def individual_rows(impacts: Impacts, individual: pd.DataFrame, ensemble: pd.Dat
             rows.append((f"individual_minus_ensemble_{name}", str(law), mean - fit[name], std, "1"))
     for law in FOLLOWED:
         each = individual[(individual["law"] == law) & individual["misfit"].notna()]
-        r_x = offset.reindex(pd.MultiIndex.from_frame(each[["trial", "impact"]])).to_numpy()
-        rows += _of_one_law(law, each, r_x, ensemble.loc[law])
+        chosen = pd.MultiIndex.from_frame(each[["trial", "impact"]])
+        rows += _of_one_law(law, each, offset.reindex(chosen).to_numpy(), ensemble.loc[law])
+        outside = (each["misfit"] > tolerance).to_numpy(float)
+        for name, happens in unusual.items():
+            cases = outside[happens.reindex(chosen).to_numpy() == 1.0]
+            if len(cases):
+                rows.append((f"{name}_outside", law, *share_of(cases), "1"))
     return [row for row in rows if np.isfinite(row[2])]
 
 

@@ -134,6 +134,23 @@ def summary_line(results: Sequence[Result]) -> str:
     return f"{line} Of those reproduced, {weak} {are} weak evidence: a wrong result could agree as well."
 
 
+def decided_line(results: Sequence[Result]) -> str:
+    """How many statements of the thesis these results can decide, and how many they cannot, and why not."""
+    ours = [r for r in results if r.claim.chapter != CUBE]
+    counts = count_statuses(ours)
+    weak = sum(r.status is ClaimStatus.REPRODUCED and r.claim.weak is not None for r in ours)
+    hold, fail = counts[ClaimStatus.REPRODUCED] - weak, counts[ClaimStatus.DEVIATES]
+    reasons = {
+        "where a wrong result could agree as well": weak,
+        "for noise at this scale": counts[ClaimStatus.UNDECIDED],
+        "for want of data": counts[ClaimStatus.NO_DATA],
+        "for an error": counts[ClaimStatus.ERROR],
+    }
+    why = ", ".join(f"{count} {reason}" for reason, count in reasons.items() if count)
+    line = f"Of {len(ours)} statements of the thesis these results decide {hold + fail}: {hold} for it, {fail} against."
+    return f"{line} Open are {len(ours) - hold - fail}: {why}." if why else line
+
+
 def render_page(results: Sequence[Result], scale: str = "") -> str:
     """The ledger as one self-contained HTML page; `scale` is shown if given.
 
@@ -152,6 +169,7 @@ def render_page(results: Sequence[Result], scale: str = "") -> str:
         kind="wide",
         script=SCRIPT.read_text(encoding="utf-8"),
         summary=summary_line(results),
+        decided=decided_line(results),
         counts=count_statuses(results),
         scale=scale,
         chapters=chapters,

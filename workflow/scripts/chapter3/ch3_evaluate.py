@@ -27,7 +27,7 @@ tolerances = snakemake.params.settings["range_tolerances"]
 write_result(tables.table_3_2(individual, tolerances, impacts.mass), out.table_3_2)
 write_result(study.coverage_table(study.pick(impacts, split), study.ALL_LAWS), out.coverage)
 energy = energy_statements(dataset, impacts)
-said = statements(
-    impacts, split, ensemble, individual, errors["kinetic"], topography, convergence, min(tolerances), energy
-)
+judged = impacts, split, ensemble, individual, errors["kinetic"], topography, convergence, min(tolerances)
+left_out = read_table(source.left_out) if dataset.rate is not None else None  # None: published as impacts
+said = statements(*judged, energy, left_out)
 write_result(said, out.statements)

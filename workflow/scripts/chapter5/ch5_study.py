@@ -7,14 +7,17 @@ sys.stdout = sys.stderr = open(snakemake.log[0], "w", buffering=1)  # noqa: SIM1
 from pathlib import Path
 
 from thesis_lib.figures.style import save_figures
-from thesis_lib.foundation.files import write_result
+from thesis_lib.foundation.files import read_table, write_result
 from thesis_lib.jenga.play.game import read_game
 from thesis_lib.jenga.study import study
 from thesis_lib.thesis.figures.chapter5 import study as figures
 
-games = [(int(Path(path).stem.split("_")[-2]), read_game(path)) for path in snakemake.input]
+shown, threshold_mm = snakemake.params.shown, snakemake.params.threshold_mm
+games = [(int(Path(path).stem.split("_")[-2]), read_game(path)) for path in snakemake.input.games]
 folder = Path(snakemake.output[0]).parent
-tables = study.study_tables(games, snakemake.params.shown)
+tables = study.study_tables(games, shown)
+movable = read_table(snakemake.input.movable).query("set == 'test' and threshold_mm == @threshold_mm")
+tables["statements"] = study.statements_table(tables["games"], tables["success"], movable.iloc[0], shown)
 for name, table in tables.items():
     write_result(table, folder / f"study_{name}.csv")
 drawn = {

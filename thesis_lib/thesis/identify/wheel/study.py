@@ -190,12 +190,16 @@ def mass_summary(settings: WheelStudy, bodies: Chapter2Bodies) -> pd.DataFrame:
     """By how much the mass changes the motion (`motion_by_mass`), and how far the simulation is from exact.
 
     Returns:
-        One row: apart (rad), the largest difference of two angles at the end; step_error (rad), by how much half the
-        step changes that of one mass at most.
+        A row for the high and the low friction of figure 2-9 c: friction; apart (rad), the largest difference of two
+        angles at the end; step_error (rad), by how much half the step changes that of one mass at most.
 
     Raises:
         UserError: a motion could not be simulated.
     """
-    finer = bodies.model_copy(update={"h": 0.5 * bodies.h})
-    last, exact = (motion_by_mass(settings, each).groupby("mass")["theta"].last() for each in (bodies, finer))
-    return pd.DataFrame({"apart": [np.ptp(last)], "step_error": [(exact - last).abs().max()]})
+    rows = []
+    for friction, mu in (("high", bodies.wheel.mu), ("low", bodies.wheel.mu_low)):
+        of_friction = bodies.model_copy(update={"wheel": bodies.wheel.model_copy(update={"mu": mu})})
+        finer = of_friction.model_copy(update={"h": 0.5 * bodies.h})
+        last, exact = (motion_by_mass(settings, each).groupby("mass")["theta"].last() for each in (of_friction, finer))
+        rows.append((friction, np.ptp(last), (exact - last).abs().max()))
+    return pd.DataFrame(rows, columns=["friction", "apart", "step_error"])

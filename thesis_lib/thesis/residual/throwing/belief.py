@@ -1,6 +1,7 @@
 """Covariances of states, and beliefs over the pose at which a thrown body comes to rest.
 
-The belief is over the side f that is down and the position x, by kernels on M particles,
+The belief is over the side f that is down and the position x, by kernels on M particles (the mixture of normal
+distributions of eq. 4.16),
 
     P(f) = (M_f + 1/K)/(M + 1),    p(x | f) = (1 − γ) Σ_{i: f_i = f} N(x | x_i, b²)/M_f + γ N(x | x̄, (5 s)²),
     p(x, f) = P(f) p(x | f)

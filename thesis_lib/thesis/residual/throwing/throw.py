@@ -2,7 +2,8 @@
 
 Each round takes all moving particles to their next contact: flight in closed form to the first touch
 (`flight.first_touch`), then one call of the impact model.  Two corners that hit within a step take two rounds, the
-second with a flight of zero length; at a tie the faster corner is first.
+second with a flight of zero length; at a tie the faster corner is first.  A round is the integral over the earlier
+state (thesis, eq. 4.17) by samples: every particle draws its own next state.
 
 A particle is at rest once it can no longer leave its side.  After each impact,
 
