@@ -17,8 +17,8 @@ from thesis_lib.critique.likelihood.in_space.ground import Ground, of_shape
 from thesis_lib.critique.likelihood.in_space.instants import find_hits
 from thesis_lib.critique.likelihood.in_space.lag import LATE, REST, lag_in_flight, lag_of_attitudes
 from thesis_lib.critique.likelihood.in_space.left_out import has_another_hit, off_free_motion
-from thesis_lib.critique.likelihood.in_space.observed import Observed, Windows, under_gravity
-from thesis_lib.critique.likelihood.in_space.recording import Known, Recording
+from thesis_lib.critique.likelihood.in_space.observed import HitWindows, Observed, under_gravity
+from thesis_lib.critique.likelihood.in_space.recording import Known, TossRecording
 from thesis_lib.critique.likelihood.observations import Observations, without_angle
 from thesis_lib.datasets.checks.tracked_pose import settled
 from thesis_lib.datasets.flights.parabolas import Hits
@@ -56,14 +56,14 @@ def observe_in_space(dataset: Dataset, settings: ArcSettings | None = None, epis
     dataset, settings = settled(dataset), settings or ArcSettings(min_window=FEWEST)
     seen: Observed | Known = Known(settings.guard)
     while isinstance(seen, Known):
-        seen = _looked(Recording.of(dataset, settings, seen))
+        seen = _looked(TossRecording.of(dataset, settings, seen))
     if not dataset.has_angle:
         o = seen.single()
         return without_angle(o, unseen_spin(np.linalg.norm(beside(o, 0).velocity, axis=0), dataset.in_space))
     return seen.with_episodes() if episodes else seen.single()
 
 
-def _looked(recording: Recording) -> "Observed | Known":
+def _looked(recording: TossRecording) -> "Observed | Known":
     """What a look at a recording shows, or what the next one has to know."""
     known, settings, noise, interval = recording.known, recording.settings, recording.noise, recording.interval
     samples, gravity, has_angle = recording.samples, recording.dataset.gravity, recording.dataset.has_angle
@@ -75,7 +75,7 @@ def _looked(recording: Recording) -> "Observed | Known":
     guard = found.guard(noise[0], settings, gravity)
     if rounded := guard > max(settings.guard, 1.5 * interval):  # of one interval is that of one side
         # attitudes that come late let the believed centre of mass sway, as if corners were rounded
-        lag = lag_of_attitudes(Windows.of(found, recording, noise, settings).fitted) if has_angle else 0.0
+        lag = lag_of_attitudes(HitWindows.of(found, recording, noise, settings).fitted) if has_angle else 0.0
         if known.is_late(lag, settings.guard):
             return known.with_lag(lag, interval)
         settings = settings.model_copy(update={"guard": guard})
@@ -84,7 +84,7 @@ def _looked(recording: Recording) -> "Observed | Known":
         noise = noise_of_flights(recording.states, recording.times, hits, recording.rig, noise, settings.guard)
     if recording.smoothed or rounded:
         found = find_hits(samples, recording.clock, noise[0], settings)
-    windows = Windows.of(found, recording, noise, settings)
+    windows = HitWindows.of(found, recording, noise, settings)
     lag = lag_of_attitudes(windows.fitted, REST if known.lags else LATE) if has_angle else 0.0
     if known.is_late(lag, settings.guard):
         return known.with_lag(lag, interval)

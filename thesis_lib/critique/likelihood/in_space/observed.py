@@ -15,7 +15,7 @@ from thesis_lib.critique.likelihood.in_space.ground import of_shape
 from thesis_lib.critique.likelihood.in_space.instants import FoundHits, between_samples, first_sample
 from thesis_lib.critique.likelihood.in_space.lag import lag_warning
 from thesis_lib.critique.likelihood.in_space.left_out import hops_unseen, rolls
-from thesis_lib.critique.likelihood.in_space.recording import Recording
+from thesis_lib.critique.likelihood.in_space.recording import TossRecording
 from thesis_lib.critique.likelihood.observations import Observations
 from thesis_lib.critique.likelihood.supports import supports_in_space
 from thesis_lib.datasets.flights.beside_hits import fit_windows
@@ -40,7 +40,7 @@ SURE = 3.0  # standard errors by which a surface pushes a body away
 
 
 @dataclass(frozen=True)
-class Windows:
+class HitWindows:
     """What lies beside n hits: why it cannot be used, `reason` (n,), "" where it can, and of those m `rows` that have
     enough samples the numbers `index` (m, W) of the samples, their poses (m, W, 7), times `tau` (m, W) in s from the
     hit, which are `used` (m, 2, W), and what fits them."""
@@ -54,7 +54,9 @@ class Windows:
     fitted: SideLines
 
     @classmethod
-    def of(cls, found: FoundHits, recording: Recording, noise: tuple[float, float], settings: ArcSettings) -> "Windows":
+    def of(
+        cls, found: FoundHits, recording: TossRecording, noise: tuple[float, float], settings: ArcSettings
+    ) -> "HitWindows":
         at, side, windows = found.at, found.side, found.windows
         reason = np.full(len(at), "", object)
         near = np.r_[False, windows.same_trial] | np.r_[windows.same_trial, False] if len(at) else np.zeros(0, bool)
@@ -88,11 +90,11 @@ class Observed:
         lag: time in s by which orientations come later than positions.
     """
 
-    recording: Recording
+    recording: TossRecording
     settings: ArcSettings
     noise: tuple[float, float]
     found: FoundHits
-    windows: Windows
+    windows: HitWindows
     grown: np.ndarray
     slack: np.ndarray
     lag: float

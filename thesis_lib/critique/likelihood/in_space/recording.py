@@ -64,7 +64,7 @@ class Known:
 
 
 @dataclass(frozen=True)
-class Recording:
+class TossRecording:
     """Samples of a body in space, in the frame of the surface.
 
     Attributes:
@@ -97,7 +97,7 @@ class Recording:
     written: tuple
 
     @classmethod
-    def of(cls, dataset: Dataset, settings: ArcSettings, known: Known) -> "Recording":
+    def of(cls, dataset: Dataset, settings: ArcSettings, known: Known) -> "TossRecording":
         """The recording of a dataset whose pose in the tracked frame is known."""
         header, settings = dataset.in_space, settings.model_copy(update={"guard": known.guard})
         whole, written, told = readable(dataset)
