@@ -15,6 +15,7 @@ import numpy as np
 import pandas as pd
 from scipy.stats import chi2
 
+from thesis_lib.critique.likelihood.in_space.ground import SeenRig
 from thesis_lib.critique.likelihood.observations import LONGEST_WAIT
 from thesis_lib.datasets.flights.beside_hits import fit_windows, turns_left
 from thesis_lib.datasets.flights.lines import SideLines, lines_through
@@ -41,7 +42,7 @@ class Poses:
 
     samples: Samples
     states: State
-    rig: Rig
+    rig: SeenRig
     noise: tuple[float, float]
     slack: float = 1.0
 

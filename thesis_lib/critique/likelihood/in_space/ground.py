@@ -89,8 +89,9 @@ class SeenRig(Rig):
 
     def heights(self, state: State) -> np.ndarray:
         """Heights (p, n) in m of the points of the believed hull above the ground."""
+        solid: Any = self.shape
         above = self.above(state)
-        return self.shape.minkowski.heights(above.attitude) + (above.height - self.height)
+        return solid.minkowski.heights(above.attitude) + (above.height - self.height)
 
 
 def of_shape(shape: Any, state: State) -> np.ndarray:
