@@ -242,10 +242,10 @@ def test_the_head_counts_what_the_results_decide(entries, judged):
     present = {"planar_impact": True, "absent": False}
     more = [{**first, "id": f"a.{name}", **changes} for name, changes in zip("bcdefg", changed)]
     found = judged([first, *more], present, scale="quick")
-    assert decided_line(found[:1]) == "Of 1 statements of the thesis these results decide 1: 1 for it, 0 against."
+    assert decided_line(found[:1]) == "Of 1 statements of the thesis these results confirm 1 and contradict 0."
     line = decided_line(found)
     assert line == (
-        "Of 6 statements of the thesis these results decide 2: 1 for it, 1 against. Open are 4: 1 where a wrong "
-        "result could agree as well, 1 for noise at this scale, 1 for want of data, 1 for an error."
+        "Of 6 statements of the thesis these results confirm 1 and contradict 1. 4 stay open: a wrong result could agree "
+        "as well with 1, noise at this scale hides 1, data are missing for 1, an error stopped 1."
     )
     assert line in render_page(found)

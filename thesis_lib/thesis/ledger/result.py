@@ -141,14 +141,14 @@ def decided_line(results: Sequence[Result]) -> str:
     weak = sum(r.status is ClaimStatus.REPRODUCED and r.claim.weak is not None for r in ours)
     hold, fail = counts[ClaimStatus.REPRODUCED] - weak, counts[ClaimStatus.DEVIATES]
     reasons = {
-        "where a wrong result could agree as well": weak,
-        "for noise at this scale": counts[ClaimStatus.UNDECIDED],
-        "for want of data": counts[ClaimStatus.NO_DATA],
-        "for an error": counts[ClaimStatus.ERROR],
+        "a wrong result could agree as well with": weak,
+        "noise at this scale hides": counts[ClaimStatus.UNDECIDED],
+        "data are missing for": counts[ClaimStatus.NO_DATA],
+        "an error stopped": counts[ClaimStatus.ERROR],
     }
-    why = ", ".join(f"{count} {reason}" for reason, count in reasons.items() if count)
-    line = f"Of {len(ours)} statements of the thesis these results decide {hold + fail}: {hold} for it, {fail} against."
-    return f"{line} Open are {len(ours) - hold - fail}: {why}." if why else line
+    why = ", ".join(f"{reason} {count}" for reason, count in reasons.items() if count)
+    line = f"Of {len(ours)} statements of the thesis these results confirm {hold} and contradict {fail}."
+    return f"{line} {len(ours) - hold - fail} stay open: {why}." if why else line
 
 
 def render_page(results: Sequence[Result], scale: str = "") -> str:
