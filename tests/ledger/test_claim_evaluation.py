@@ -245,7 +245,7 @@ def test_the_head_counts_what_the_results_decide(entries, judged):
     assert decided_line(found[:1]) == "Of 1 statements of the thesis these results confirm 1 and contradict 0."
     line = decided_line(found)
     assert line == (
-        "Of 6 statements of the thesis these results confirm 1 and contradict 1. 4 stay open: a wrong result could agree "
-        "as well with 1, noise at this scale hides 1, data are missing for 1, an error stopped 1."
+        "Of 6 statements of the thesis these results confirm 1 and contradict 1. 4 stay open: a wrong result could "
+        "agree as well with 1, noise at this scale hides 1, data are missing for 1, an error stopped 1."
     )
     assert line in render_page(found)
