@@ -84,7 +84,7 @@ def statements(
 
     `ensemble` and `individual` (of all impacts studied) are of both weightings, `errors` are the `held_out_errors` in
     the kinetic one, `topography` and `convergence` (any laws) as in figure 3-7, `energy` from `energy_statements`,
-    `left_out` the hits of recorded motions that are no single impacts (None: no motions were recorded).
+    `left_out` the hits of recorded motions that are not single impacts (None: no motions were recorded).
     Impulses within `tolerance` in m/s, over the mass, of what a law can predict are in its range.
     """
     held_out = pick(impacts, split, train=0)

@@ -193,14 +193,14 @@ class Observed:
         return low_pass_of(corners, recording.samples, sigma, gravity, guard, interval, self.lasting)
 
     @property
-    def told(self) -> tuple[str, ...]:
+    def warnings(self) -> tuple[str, ...]:
         """Sentences for the user."""
         recording = self.recording
-        told = (*recording.told, *lag_warning(sum(recording.known.lags) + self.lag))
+        warnings = (*recording.warnings, *lag_warning(sum(recording.known.lags) + self.lag))
         if self.rounded and recording.soft is None:
             guards = self.settings.guard, recording.known.guard
-            told += rounding_warning(*guards, self.lasting, recording.interval, self.low_pass)
-        return tuple(filter(None, (*told, too_slow(recording.dataset.rate))))
+            warnings += rounding_warning(*guards, self.lasting, recording.interval, self.low_pass)
+        return tuple(filter(None, (*warnings, too_slow(recording.dataset.rate))))
 
     @property
     def away(self) -> Away:
@@ -258,7 +258,7 @@ class Observed:
                 low_pass=self.low_pass,
                 soft=recording.soft,
                 away=self.away,
-                warnings=self.told,
+                warnings=self.warnings,
             ),
             written=recording.written,
         )

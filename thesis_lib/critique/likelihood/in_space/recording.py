@@ -77,7 +77,7 @@ class TossRecording:
         times, interval: (N,) s, which rise over all trials, and between two samples.
         noise: one sigma of a place in m and of a component of a turn in rad; `smoothed`: samples hide it.
         soft: contacts too long for impulses.
-        told: sentences for the user.
+        warnings: sentences for the user.
         written: what is known of how the columns are written.
     """
 
@@ -93,14 +93,14 @@ class TossRecording:
     noise: tuple[float, float]
     smoothed: bool
     soft: LastingContacts | None
-    told: tuple[str, ...]
+    warnings: tuple[str, ...]
     written: tuple
 
     @classmethod
     def of(cls, dataset: Dataset, settings: ArcSettings, known: Known) -> "TossRecording":
         """The recording of a dataset whose pose in the tracked frame is known."""
         header, settings = dataset.in_space, settings.model_copy(update={"guard": known.guard})
-        whole, written, told = readable(dataset)
+        whole, written, warnings = readable(dataset)
         if late := sum(known.lags):
             whole, written = with_attitudes_later(whole, late), (*written, AsStamped(late))
         (frame,) = surface_frames(header)
@@ -118,8 +118,8 @@ class TossRecording:
         samples = make_samples(states.trial, states.t, states.position[TO_PLANE].T, clock, settings)
         noise, smoothed = noise_of_samples(samples, states, header)
         soft = lasting_contacts(samples, rig.gap(states), noise[0], dataset.gravity, tumbles=True)
-        told = told if soft is None else (*told, soft.sentence())
-        parts = (rig, states, lever, samples, clock, one_clock(whole)[1], noise, smoothed, soft, told, written)
+        warnings = warnings if soft is None else (*warnings, soft.sentence())
+        parts = (rig, states, lever, samples, clock, one_clock(whole)[1], noise, smoothed, soft, warnings, written)
         return cls(dataset, settings, known, *parts)
 
     @property
