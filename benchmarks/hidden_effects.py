@@ -44,6 +44,8 @@ FLIGHT = ("linear_drag",)  # judged in flight
 SEED = 5100  # not looked at while inputs and settings of the baselines were chosen
 IMPACT_INPUTS = ("v_t", "v_n", "spin", "r_x", "r_y", "cos", "sin", "x")
 FLIGHT_INPUTS = ("v_x", "v_y", "spin")
+# what a method can name, by the start of its name
+CAN_NAME = {"SINDy": "has an equation for drag only", "GP": "has no terms that could name a cause"}
 Train = Callable[[np.ndarray, np.ndarray, np.ndarray, np.ndarray, tuple[str, ...]], Trained]
 
 
@@ -167,7 +169,7 @@ def summarise(found: dict[str, dict[str, list[Found]]], results: Results) -> Non
         share = float(np.median([one.share for one in every]))
         cpu = float(np.median([one.cpu_s for one in [*every, *clean]]))
         results.add(f"{method}: finds the effect", finds, f"of {len(every)}")
-        results.add(f"{method}: names it", names, f"of {len(every)}")
+        results.add(f"{method}: names it", names, f"of {len(every)}", CAN_NAME.get(method.split()[0], ""))
         results.add(f"{method}: finds one where nothing is hidden", false, f"of {len(clean)}")
         results.add(f"{method}: share of the removable error removed", share, "1", each)
         results.add(f"{method}: CPU time", cpu, "s")
