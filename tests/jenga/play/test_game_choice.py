@@ -13,10 +13,10 @@ SMALL = {"learners": ["hma", "network"], "sizes": [50, 100], "ablations": ["hma_
 
 
 def test_every_policy_plays_as_many_towers_as_its_kind():
-    choice = GameChoice(towers=2, learner_towers=4, paired_towers=6, fixed=["rule", "oracle"], **SMALL)
+    choice = GameChoice(towers=2, learner_towers=4, paired_towers=6, fixed=["exploration", "rule", "oracle"], **SMALL)
     assert choice.played() == {
         **{("hma", 50): 4, ("network", 50): 4, ("hma_one_shot", 100): 4},
-        **{("hma", 100): 6, ("network", 100): 6, ("rule", 0): 6},
+        **{("hma", 100): 6, ("network", 100): 6, ("exploration", 0): 6, ("rule", 0): 6},
         **{("ppo", 1000): 2, ("oracle", 0): 2},
     }
 

@@ -4,8 +4,8 @@ The nominal execution loop of the thesis (section 5.4.3): take a random block an
 policy retracts, the block is out far enough or 45 mm are reached; extract it and place it on top.  The run ends when a
 block falls off the tower, the tower topples, or all blocks have been tried.
 
-The seed of the tower and `base_seed` fix the tower, the order of blocks, the noise of each block's readings, the error
-of its grasp and the places on top, whatever the policy does.  The policy's random choices come from a separate stream.
+The seed of the tower and `base_seed` fix the tower, the order of blocks, the noise of each block's readings
+and the places on top, whatever the policy does.  The policy's random choices come from a separate stream.
 
 Success (thesis, section 5.5.3): a push succeeds if the block reaches the goal and no other block moves by more than
 10 mm or turns by more than 15 degrees in that push.  Extraction and placement are judged likewise, each by itself.  The
@@ -159,8 +159,7 @@ class _Play:
                 return "longest push"
 
     def _extract_and_place(self, attempt: Attempt) -> str:
-        error = _stream(self.base_seed, self.seed, f"grasp {attempt.block}")
-        outcome = self.gripper.extract(attempt.block, error)
+        outcome = self.gripper.extract(attempt.block)
         attempt.extracted = int(outcome.success)
         attempt.reason = outcome.reason or attempt.reason
         if self.gripper.held is None:

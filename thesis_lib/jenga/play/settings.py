@@ -130,7 +130,7 @@ class GameChoice(Section):
 
     towers: int = Field(2, ge=1, description="test towers, the same for all policies")
     learner_towers: int = Field(0, ge=0, description="towers of `learners` and `ablations`, if more than `towers`")
-    paired_towers: int = Field(0, ge=0, description="towers of hma, network (`shown`) and rule, if more than those")
+    paired_towers: int = Field(0, ge=0, description="of hma, network (`shown`), rule, exploration: if more")
     blocks: int = Field(45, ge=1, le=45, description="blocks tried in a game; the thesis's 45")
     learners: tuple[str, ...] = Field(("hma", "mor", "network"), description="policies that learn, at every size")
     sizes: tuple[int, ...] = Field((100, 1000), min_length=1, description="training samples")
@@ -145,8 +145,8 @@ class GameChoice(Section):
         learned += [(policy, self.shown) for policy in self.ablations]
         others = [*(("ppo", size) for size in self.ppo_sizes), *((policy, 0) for policy in self.fixed)]
         towers = dict.fromkeys(learned, max(self.towers, self.learner_towers)) | dict.fromkeys(others, self.towers)
-        paired = [("hma", self.shown), ("network", self.shown), ("rule", 0)]
-        return towers | {key: max(towers.get(key, 0), self.paired_towers) for key in paired}
+        paired = [("hma", self.shown), ("network", self.shown), ("rule", 0), ("exploration", 0)]
+        return towers | {key: max(towers[key], self.paired_towers) for key in paired if key in towers}
 
 
 class SampleChoice(Section):

@@ -1,8 +1,11 @@
 """Extract and place: a parallel-jaw gripper pulls a block out of the tower and puts it on top.
 
-Two thin jaws of limited force close on the long sides of the protruding end, touch nothing else, and hold it by
-friction.  The hand pulls along the block until its other end has left the tower.  The transfer is not simulated: hand
-and block are set down above a random free place of the top layer (a new layer if it is full), and the jaws open.
+The open jaws come in along the middle of the block's place.  They do not get round a block whose end is further aside
+than `grasp_aside`, if there is such a limit: it stays where it is (thesis, section 5.5.3: a block that was pushed badly
+is difficult to grasp).  Two thin jaws of limited force close on the long sides of the protruding end, touch nothing
+else, and hold it by friction.  The hand pulls along the block until its other end has left the tower.  The transfer is
+not simulated: hand and block are set down above a random free place of the top layer (a new layer if it is full), and
+the jaws open.
 
 Damage (thesis, section 5.5.3): the primitive displaces another block by more than 10 mm or turns it by more than 15
 degrees.  A run ends when a block has fallen, on or off the tower.
@@ -15,18 +18,16 @@ import numpy as np
 
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.jenga.robot.robot import push_axes, way_out
-from thesis_lib.jenga.robot.samples import MM, RADIUS_OF_GYRATION
 from thesis_lib.jenga.tower.tower import PER_LAYER, Tower
 from thesis_lib.jenga.tower.tower_model import BLOCKS, HAND, JAWS, OPEN, PARKED
 
 GRASP = 10e-3  # m from the end of the block to the middle of the pads
-ROOM = 6e-3  # m off the middle, or of yaw·r_g, at which the open jaws still clear the block: three quarters of OPEN
 SQUEEZE = -4e-3  # m past the block's side, commanded to the jaws: the force limit stops them before
 CLOSING, OPENING, RESTING = 0.1, 0.1, 0.4  # s
 BEYOND = 5e-3  # m that the block is pulled beyond its length
 SLIPPED = 10e-3  # m that a block may move in the jaws before it counts as lost
 JAW = 16  # the jaws' bit of contype and conaffinity
-LOST, FELL_FROM_TOP = "lost from the jaws", "fell from the top"
+ASIDE, LOST, FELL_FROM_TOP = "jaws miss it", "lost from the jaws", "fell from the top"
 
 
 class PrimitiveOutcome(NamedTuple):
@@ -51,20 +52,22 @@ class Gripper:
         self._body = model.body("hand").id
         self.held: int | None = None
 
-    def extract(self, block: int, rng: np.random.Generator | None = None) -> PrimitiveOutcome:
+    def extract(self, block: int) -> PrimitiveOutcome:
         """Grasp a block and pull it out of the tower; after success it is held.
 
-        rng: of the hand's `grasp_error`; without it there is none.  UserError if the block does not protrude far enough
-        to be grasped, TowerError if the simulation breaks down.
+        UserError if the block does not protrude far enough to be grasped, TowerError if the simulation breaks down.
         """
-        tower, (u, _) = self.tower, push_axes(block)
+        tower, (u, v) = self.tower, push_axes(block)
         out = way_out(tower, block)
         if out < 2 * GRASP:
             raise UserError(f"block {block} stands out by {1e3 * out:.0f} mm: push it further before it is extracted.")
         before = tower.poses()
         if block in tower.settings.hidden.glued:  # the jaws pull in vain: three blocks do not come out as one
             return PrimitiveOutcome("it does not come out", False)
-        self._grasp(block, rng)
+        aside = abs((self._grasped(block) - tower.reference[block, :3]) @ v)
+        if self.settings.grasp_aside is not None and aside > self.settings.grasp_aside:
+            return PrimitiveOutcome(ASIDE, False)
+        self._grasp(block)
         distance = tower.sizes[block, 0] - out + BEYOND
         inside = self._in_hand()
         self._pull(u * distance, distance / self.settings.pull_speed)
@@ -98,26 +101,19 @@ class Gripper:
         tower.reference[block] = tower.poses()[block]
         return PrimitiveOutcome(reason, reason == FELL_FROM_TOP or tower.toppled(block))
 
-    def _grasp(self, block: int, rng: np.random.Generator | None) -> None:
-        tower, matrix = self.tower, self.tower.matrix(block)
+    def _grasped(self, block: int) -> np.ndarray:
+        """Point of the block between the middles of the pads, (3,), m."""
+        along = self.tower.matrix(block)[:, 0]
+        return self.tower.position(block) + (self.tower.sizes[block, 0] / 2.0 - GRASP) * along
+
+    def _grasp(self, block: int) -> None:
+        tower = self.tower
         self.held = block
-        along, across, turned = self._error(rng)
-        point = tower.position(block) + matrix @ [tower.sizes[block, 0] / 2.0 - GRASP + along, across, 0.0]
-        tower.set_joints(HAND + JAWS, (*point, _turn(matrix) + turned, OPEN, OPEN))
+        tower.set_joints(HAND + JAWS, (*self._grasped(block), _turn(tower.matrix(block)), OPEN, OPEN))
         self._let_jaws_touch(block, True)
         mujoco.mj_forward(tower.model, tower.data)
         tower.data.ctrl[self._jaws] = SQUEEZE
         tower.simulate(CLOSING)
-
-    def _error(self, rng: np.random.Generator | None) -> np.ndarray:
-        """Error of the hand along and across the block (m) and of its turn (rad); draws only if there is one."""
-        sigma = self.settings.grasp_error
-        if rng is None or not sigma:
-            return np.zeros(3)
-        # the open jaws are put around the block: a hand that does not fit is moved until it does
-        fits = np.array([GRASP, ROOM, ROOM])
-        error = np.clip(sigma * rng.standard_normal(3), -fits, fits)
-        return error / [1.0, 1.0, RADIUS_OF_GYRATION / MM]
 
     def _let_jaws_touch(self, block: int, yes: bool) -> None:
         model, geom = self.tower.model, self.tower.core[block]

@@ -60,7 +60,7 @@ class _Run:
         extracted = placed = -1  # not tried
         if reason == "goal" and not reduced:
             gripper = Gripper(tower)
-            outcome = gripper.extract(block, self.rng)
+            outcome = gripper.extract(block)
             extracted = int(outcome.success)
             if gripper.held is not None and not outcome.ends_run:
                 outcome = gripper.place(self.rng)
