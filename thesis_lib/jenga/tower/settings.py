@@ -66,7 +66,7 @@ class RobotSettings(Section):
     jaw_friction: float = Field(0.8, gt=0, description="rubber on wood; own choice")
     pull_speed: float = Field(0.06, gt=0, description="m/s; own choice")
     release_height: float = Field(0.6e-3, gt=0, description="m above the top at which a block is let go; own choice")
-    grasp_aside: float | None = Field(None, gt=0, description="m aside, at most, of a block that is grasped; null: any")
+    grasp_aside: float | None = Field(7e-3, gt=0, description="m aside, at most, of a block that is grasped; null: any")
     damage_distance: float = Field(10e-3, gt=0, description="m of any other block that counts as damage; thesis")
     damage_angle: float = Field(15.0, gt=0, description="degrees of any other block that count as damage; thesis")
 
