@@ -44,7 +44,7 @@ WRONG = [
     ("abs", "0.065,0.002", "0.0721,0.002"),  # |0.0721 − 0.062| > 0.01
     ("rel", "0.065,0.002", "0.0652,0.002"),  # |0.0652 − 0.062| > 0.05 · 0.062 = 0.0031
     ("interval", "0.065,0.002", "0.065,0.0014"),  # 0.003 > 2 · 0.0014
-    ("greater", "0.065,0.002", "0.065,0.0051"),  # 0.015 < 3 · 0.0051
+    ("greater", "0.065,0.002", "0.043,0.002"),  # 0.05 − 0.043 > 3 · 0.002
     ("less", "0.065,0.002", "0.3,0.002"),  # 0.3 is not less than 0.3
     ("ordering", "0.084", "0.064"),  # newton below mirtich
     ("argmax", "0.084", "0.111"),  # newton ties with whittaker
@@ -92,12 +92,19 @@ def test_the_edge_of_a_tolerance_is_inside(one, edit_table):
         ({**ORDER, "rows": ["mirtich", "whittaker"]}, None, LAWS, "reproduced"),
         # steps 0.019 and 0.027 with standard errors 0.0036 and 0.005: 5.3 and 5.4 of them
         ({**ORDER, "rows": ALL, "k": 5.2, "reason": "x"}, None, LAWS, "reproduced"),
-        ({**ORDER, "rows": ALL, "k": 5.35, "reason": "x"}, None, LAWS, "deviates"),
+        ({**ORDER, "rows": ALL, "k": 5.35, "reason": "x"}, None, LAWS, "not decided: noise hides the answer"),
+        ({**ORDER, "rows": ALL[::-1], "k": 5.2, "reason": "x"}, None, LAWS, "deviates"),
         ({**ORDER, "rows": ["mirtich", "whittaker"]}, None, {}, "error: 2 rows with law = mirtich"),
         ({**ORDER, "rows": ["mirtich", "nobody"]}, None, LAWS, "error: no rows with"),
         ({"kind": "argmax", "key": "law", "row": "whittaker"}, None, LAWS, "reproduced"),
         ({"kind": "argmax", "key": "law", "row": "newton"}, None, LAWS, "deviates"),
-        ({"kind": "argmax", "key": "law", "row": "whittaker", "k": 6, "reason": "x"}, None, LAWS, "deviates"),
+        ({"kind": "argmax", "key": "law", "row": "whittaker", "k": 6, "reason": "x"}, None, LAWS, "not decided"),
+        ({"kind": "argmax", "key": "law", "row": "newton", "k": 6, "reason": "x"}, None, LAWS, "not decided"),
+        ({"kind": "argmax", "key": "law", "row": "newton", "k": 5, "reason": "x"}, None, LAWS, "deviates"),
+        # 0.05 below 0.065 by 7.5 standard errors
+        ({"kind": "greater", "threshold": 0.05, "k": 8, "reason": "x"}, None, None, "not decided"),
+        ({"kind": "less", "threshold": 0.05, "k": 8, "reason": "x"}, None, None, "not decided"),
+        ({"kind": "less", "threshold": 0.05, "k": 7, "reason": "x"}, None, None, "deviates"),
         ({"kind": "argmin", "key": "law", "row": "whittaker"}, None, LAWS, "deviates"),
         ({"kind": "argmin", "key": "law", "row": "law of nobody"}, None, LAWS, "error: no rows with"),
         ({"kind": "argmax", "key": "law", "row": "mirtich"}, None, None, "error: only row"),
@@ -224,7 +231,7 @@ def test_what_the_quick_scale_cannot_tell_is_not_decided_there(entries, judged):
     quick, error = judged([noisy, missing], scale="quick")
     assert (quick.status, quick.reason, quick.ours) == (ClaimStatus.UNDECIDED, "10 impacts are too few", "0.065")
     assert error.status is ClaimStatus.ERROR
-    assert summary_line([quick]) == "1 claim: 0 reproduced, 0 deviate, 0 without data, 1 not decided at this scale."
+    assert summary_line([quick]) == "1 claim: 0 reproduced, 0 deviate, 0 without data, 1 not decided."
     assert judged([noisy], scale="default")[0].status is ClaimStatus.REPRODUCED
     assert "10 impacts are too few" in render_page([quick])
 
@@ -246,6 +253,6 @@ def test_the_head_counts_what_the_results_decide(entries, judged):
     line = decided_line(found)
     assert line == (
         "Of 6 statements of the thesis these results confirm 1 and contradict 1. 4 stay open: a wrong result could "
-        "agree as well with 1, noise at this scale hides 1, data are missing for 1, an error stopped 1."
+        "agree as well with 1, noise hides 1, data are missing for 1, an error stopped 1."
     )
     assert line in render_page(found)

@@ -14,6 +14,7 @@
   e.g. [a, [b, c], d].  Rows not listed are ignored.  `order` is ascending (default) or descending.
 - ordering, argmax and argmin accept `k`: two rows must differ by more than k standard errors of the difference,
   √(s₁² + s₂²); the default k = 0 refuses ties.
+- With a margin of k standard errors a check that fails by less than that margin is not decided: noise hides the answer.
 """
 
 import math

@@ -148,20 +148,22 @@ def _measure_number(claim: Claim, rows: pd.DataFrame) -> Result:
     value, std = _number(claim, row, claim.source.column), _std(claim, row)
     if isinstance(check, Threshold):
         name, reference, sign = "the threshold", check.threshold, 1.0 if check.kind == "greater" else -1.0
-        holds = sign * (value - reference) > (check.k * std if check.k else 0.0)
+        beyond, margin = sign * (value - reference), check.k * std if check.k else 0.0
+        holds, hidden = beyond > margin, abs(beyond) < margin
     else:
         name, reference = "the published value", float(claim.published)
         if isinstance(check, Interval):
             allowed = check.k * std + check.rounding
         else:
             allowed = check.tolerance * (abs(reference) if check.kind == "rel" else 1.0)
-        holds = abs(value - reference) <= allowed * (1 + SLACK)
+        holds, hidden = abs(value - reference) <= allowed * (1 + SLACK), False
     difference = value - reference
     relative = difference / abs(reference) if reference else math.nan
     name += f" {_short(reference)}" if isinstance(check, Threshold) else ""
     share = "" if math.isnan(relative) else f" ({100 * relative:+.3g} %)"
     finding = f"differs from {name} by {difference:+.4g}{share}"
-    return Result(claim, _status(holds), "", FLOAT_FORMAT % value, std, difference, relative, finding)
+    finding += f", less than {check.k:g} standard errors: noise hides the answer" if hidden else ""
+    return Result(claim, _status(holds, hidden), "", FLOAT_FORMAT % value, std, difference, relative, finding)
 
 
 def _measure_flag(claim: Claim, rows: pd.DataFrame) -> Result:
@@ -216,21 +218,25 @@ def _ranked(
 
     `ascending`: our values are shown with the smallest first.
     """
-    check, broken = claim.check, []
+    check, broken, hidden = claim.check, [], True
     for before, after in pairs:
-        step = sign * (after.value - before.value)
-        if not step > check.k * math.hypot(before.std, after.std):
+        step, margin = sign * (after.value - before.value), check.k * math.hypot(before.std, after.std)
+        if not step > margin:
             side = "above" if sign > 0 else "below"
             broken.append((step, f"{after} is not {side} {before}" + " by enough" * (step > 0)))
+            hidden = hidden and abs(step) < margin
     broken.sort(key=lambda item: item[0])  # the worst first
     finding = "; ".join(text for _, text in broken[:3])
     if len(broken) > 3:
         finding += f"; and {len(broken) - 3} more pairs"
+    if broken and hidden:
+        finding += f"; less than {check.k:g} standard errors: noise hides the answer"
     # equal values by name, for a deterministic order
     order = sorted(members, key=lambda one: (one.value if ascending else -one.value, one.name))
     ours = (" < " if ascending else " > ").join(map(str, order))
-    return Result(claim, _status(not broken), ours=ours, finding=finding)
+    return Result(claim, _status(not broken, hidden), ours=ours, finding=finding)
 
 
-def _status(holds: bool) -> ClaimStatus:
-    return ClaimStatus.REPRODUCED if holds else ClaimStatus.DEVIATES
+def _status(holds: bool, hidden: bool = False) -> ClaimStatus:
+    """The status of a check; `hidden`: that it fails is less than noise."""
+    return ClaimStatus.REPRODUCED if holds else ClaimStatus.UNDECIDED if hidden else ClaimStatus.DEVIATES

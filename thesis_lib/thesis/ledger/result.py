@@ -5,7 +5,7 @@
 | `reproduced`       | the claim's check holds                                                                     |
 | `deviates`         | it does not hold; the result says by how much, and why if the ledger knows                  |
 | `data not present` | the run lacked a dataset that the claim needs: neutral                                      |
-| `not decided`      | the claim says that this scale is too noisy to tell: compared and shown, neutral            |
+| `not decided`      | noise hides the answer, in our data or (the claim says so) at this scale: shown, neutral    |
 | `error`            | nothing was compared, e.g. because a file is missing; `refuse_errors` lists all errors      |
 
 difference = ours − published (threshold checks: ours − threshold); relative_difference = difference / abs(published
@@ -64,6 +64,8 @@ class Result:
             return ""
         if self.status is ClaimStatus.DEVIATES:
             return f"{self.finding}; {self.claim.note or 'reason unknown'}"
+        if self.status is ClaimStatus.UNDECIDED and self.claim.note and self.finding != self.claim.quick:
+            return f"{self.finding}; {self.claim.note}"
         return self.finding
 
 
@@ -123,7 +125,7 @@ def summary_line(results: Sequence[Result]) -> str:
         f"{counts[ClaimStatus.NO_DATA]} without data",
     ]
     if counts[ClaimStatus.UNDECIDED]:
-        parts.append(f"{counts[ClaimStatus.UNDECIDED]} not decided at this scale")
+        parts.append(f"{counts[ClaimStatus.UNDECIDED]} not decided")
     if counts[ClaimStatus.ERROR]:
         parts.append(f"{counts[ClaimStatus.ERROR]} could not be compared")
     line = f"{len(results)} claim{'' if len(results) == 1 else 's'}: {', '.join(parts)}."
@@ -142,7 +144,7 @@ def decided_line(results: Sequence[Result]) -> str:
     hold, fail = counts[ClaimStatus.REPRODUCED] - weak, counts[ClaimStatus.DEVIATES]
     reasons = {
         "a wrong result could agree as well with": weak,
-        "noise at this scale hides": counts[ClaimStatus.UNDECIDED],
+        "noise hides": counts[ClaimStatus.UNDECIDED],
         "data are missing for": counts[ClaimStatus.NO_DATA],
         "an error stopped": counts[ClaimStatus.ERROR],
     }
