@@ -6,7 +6,7 @@
     X1 + ω                                                  an extension: ω is not a function of X1
     full = (q, v, r, m, m k²)                               ten numbers, the input of the contact map as it is, eq. 4.7
 
-    rigid   (c_t, c_n)        c_irb = M_C J Δv, the impulse through the contact point that is nearest to Δv
+    rigid   (c_t, c_n)        c_irb = M_C J Δv, the impulse through the contact point that is nearest to Δv, eq. 4.11
     wrench  (c_t, c_n, τ)     c = m (Δv_x, Δv_y),  τ = m (k² Δω − r_x Δv_y + r_y Δv_x) about the contact point
 
 A wrench is a change of coordinates of Δv and loses nothing; a rigid impulse drops the couple.

@@ -6,7 +6,7 @@ CH5_GAME_FILES = [
     for i in range(towers)
 ]
 CH5_SETS = [f"{CH5}/samples/set_{i}.csv" for i in range(CONFIG.chapter5.samples.sets)]
-CH5_STUDY_TABLES = ("games", "attempts", "curve", "paired", "success", "needed", "statements")
+CH5_STUDY_TABLES = ("games", "attempts", "curve", "paired", "success", "course", "needed", "statements")
 CH5_MODEL_TABLES = ("agreement", "abstractions", "cone", "height", "summary", "belief", "experts", "experts_summary")
 CH5_CLAIMED = [
     f"{CH5}/{name}.csv"

@@ -87,6 +87,16 @@ def test_successes_count_attempts_of_each_action_and_hold_the_published_ones():
     assert both["side"] + both["middle"] == both["all"]
 
 
+def test_the_course_of_a_game_counts_pushes_by_ten_blocks():
+    played = [(100, game("hma", tower, 12, tried=25)) for tower in (100, 101)]
+    course = study_tables([*played, (0, game("exploration", 100, 4, tried=3))], 100)["course"]
+    course = course.set_index(["phase", "position", "first"]).sort_index()
+    learned = course.loc[("learned", "all")]
+    assert learned["attempts"].tolist() == [20, 20, 10] and learned["successes"].tolist() == [20, 4, 0]
+    assert course.loc[("learned", "side", 11), "attempts"] == 10  # every other block
+    assert course.loc[("exploration", "all", 1), ["attempts", "successes", "share"]].tolist() == [3, 3, 1.0]
+
+
 def test_statements_compare_shares_ends_and_the_network_tower_by_tower():
     ends = {
         "hma": ("all tried", "tower toppled", "block dropped", "fell from the top", "all tried", "all tried"),

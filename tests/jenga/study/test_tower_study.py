@@ -62,15 +62,17 @@ def test_the_tower_of_the_scan_is_not_pushed_again(monkeypatch):
     monkeypatch.setattr(tower_study, "settled_tower", lambda seed, setup: "finer" if halved(setup) else tower)
     monkeypatch.setattr(tower_study, "reduce", lambda full, block: f"reduced {block}")
     monkeypatch.setattr(tower_study, "scan", made)
-    monkeypatch.setattr(tower_study, "comes_out", lambda *_: True)
-    table = fidelity(made_scan_of([3, 5, 7], 1.0), Setup(), compared=2).set_index(["comparison", "quantity"])["value"]
+    monkeypatch.setattr(tower_study, "comes_out", lambda tower, block, damage: block == 13)
+    scans = [made_scan_of([3, 5, 7], 1.0), made_scan_of([13], 1.0, seed=1)]
+    table = fidelity(scans, Setup(), compared=2).set_index(["comparison", "quantity"])["value"]
     assert scanned == ["finer", "reduced 3", "reduced 7"]
     assert table[("reduced_tower", "force_rmse")] == pytest.approx(1.0)
+    assert table[("real_extraction", "come_out")] == 0.5  # of blocks 3 and 13, on both towers
 
 
-def made_scan_of(blocks: list[int], force: float) -> pd.DataFrame:
+def made_scan_of(blocks: list[int], force: float, seed: int = 0) -> pd.DataFrame:
     values = {"force": force + np.array(blocks), "others": 0.1 * np.array(blocks), "movable": 1}
-    return pd.DataFrame({"tower": 0, "block": blocks} | values)
+    return pd.DataFrame({"tower": seed, "block": blocks} | values)
 
 
 def halved(setup: Setup) -> bool:
@@ -82,7 +84,7 @@ def test_simulators_agree_on_a_few_blocks():
     setup = Setup()
     scan = scan_tower(0, 2, setup)
     assert len(scan) == 2 and scan["layer"].nunique() == 2
-    table = fidelity(scan, setup, compared=45).set_index(["comparison", "quantity"])["value"]
+    table = fidelity([scan], setup, compared=45).set_index(["comparison", "quantity"])["value"]
     assert table[("half_the_time_step", "force_rmse")] < 0.3
     assert table[("reduced_tower", "force_rmse")] < 0.3
     assert set(table.index.get_level_values(0)) == {"half_the_time_step", "reduced_tower", "real_extraction"}

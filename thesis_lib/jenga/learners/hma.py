@@ -2,7 +2,7 @@
 
     1. top-down:   c | windows                    (`mixture`: Dirichlet process, merged)
     2. bottom-up:  s_{t+1} | s_t, a_t, c = k      (`networks`, weighted with p(c_i = k | push))
-    3. noise:      z_t | s_t ~ Normal(s_t, Σ_z)   (from the residuals of 2)
+    3. noise:      z_t | s_t ~ Normal(s_t, Σ_z)   (equation 5.6; from the residuals of 2)
     4. belief:     b_{t+1} as in `learner`, where p(z_{t+1} | s_t, a_t, k) is the network's prediction times the window
                    mixture of one step: in full at the first step of a push, when no state yet tells blocks apart, and
                    to the power `emission_weight` later

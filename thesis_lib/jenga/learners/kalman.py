@@ -6,8 +6,9 @@
     weight:   b(k) ∝ b(k) Normal(z; m⁻, S)
 
 Learners predict readings from readings, with variance Q + 2 Σ_z if f is the identity plus a nearly constant change; so
-Q = max(var − 2 Σ_z, `LEAST` var).  The prior of the first state is flat, so the first reading is its mean and Σ_z its
-covariance.  An abstraction lasts the whole push (the thesis's plate); the weights are exact for linear f_k.
+Q = max(var − 2 Σ_z, `LEAST` var).  The prior of the first state (equation 5.3) is flat, so the first reading is its
+mean and Σ_z its covariance.  An abstraction lasts the whole push (the thesis's plate); the weights are exact for linear
+f_k.
 
 Source: thesis, section 5.5.4 (which samples by Hamiltonian Monte Carlo: `showcase_nuts`); the bank: Magill 1965,
 doi 10.1109/TAC.1965.1098191.

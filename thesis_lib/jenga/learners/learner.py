@@ -1,6 +1,6 @@
 """The interface of all learners of the push dynamics, with their common scaling and windows.
 
-    s_{t+1} = s_t + Δ,   Δ | s_t, a_t, c = k  ~  Normal(μ_k, Σ_k)        (learners predict changes)
+    s_{t+1} = s_t + Δ,   Δ | s_t, a_t, c = k  ~  Normal(μ_k, Σ_k)        (learners predict changes; equation 5.5)
     b_{t+1}(k) ∝ p(z_{t+1} | s_t, a_t, k) Σ_j b_t(j) P(k | j),   P(k | j) = ρ δ_jk + (1 − ρ) π_k
 
 | paper | code      | unit  | shape     |                                                                      |
@@ -23,7 +23,8 @@ per advance.  The window of sample i is the up to D samples of the push that end
 The likelihood omits `advance`, which the robot controls.  Each other dimension may be an outlier (`BeliefSettings`):
 otherwise one stick-slip jump would settle a belief for good.
 
-Source: thesis, section 5.3 and figure 5-3; N. Fazeli et al. 2019, doi 10.1126/scirobotics.aav3123.
+Source: thesis, section 5.3 and figure 5-3 (equations 5.1 to 5.10 are the lines of section 5.3.1, in their order);
+N. Fazeli et al. 2019, doi 10.1126/scirobotics.aav3123.
 """
 
 from abc import ABC, abstractmethod

@@ -1,6 +1,7 @@
 """Top-down step: a Dirichlet-process mixture over windows of pushes, merged to a few abstractions.
 
-    π | α ~ GEM(α),   u_i | π ~ Multi(π),   x_i | u_i ~ Normal(m_{u_i}, S_{u_i})       (windows; thesis, section 5.3.2)
+    π | α ~ GEM(α),   u_i | π ~ Multi(π)         (windows; thesis, equations 5.1 and 5.2, by the sticks of 5.7)
+    x_i | u_i ~ Normal(m_{u_i}, S_{u_i})                                       (Gaussians; thesis, section 5.3.2)
     c_j | η ~ Multi(η),   u_i | c_j ~ Multi(φ_{c_j})   for the windows i of push j          (abstractions of pushes)
 
 | paper | code          | unit | shape     |                                                              |

@@ -1,7 +1,7 @@
 """Neural networks of the changes of the state: K Bayesian ones in one batch, with a shared prior, or a plain one.
 
-    w_k ~ Normal(μ_θ, σ_w²/fan-in),   μ_θ ~ Normal(0, σ_θ²/fan-in)                                  (weights)
-    Δ | x, w_k ~ Normal(g(x; w_k), diag exp h(x; w_k))                                               (output)
+    w_k ~ Normal(μ_θ, σ_w²/fan-in),   μ_θ ~ Normal(0, σ_θ²/fan-in)                    (equations 5.4, 5.8 and 5.9)
+    Δ | x, w_k ~ Normal(g(x; w_k), diag exp h(x; w_k))                                              (equation 5.10)
     loss = −Σ_i Σ_k r_ik log p(Δ_i | x_i, w_k) + β Σ_k KL(q(w_k) ‖ p(w_k | μ_θ)) − β log p(μ_θ),
     q(w_k) = Normal(m_k, diag s_k²)                                                                  (mean field)
 

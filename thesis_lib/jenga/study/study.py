@@ -22,7 +22,7 @@ Statements of the thesis as numbers, for the claims ledger (`statements_table`; 
 A game is lost if it ends before all blocks have been tried.  Differences are taken tower by tower, over all sizes.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 import pandas as pd
@@ -44,12 +44,13 @@ PUBLISHED = {
     },
 }
 ACTIONS = ("push", "extract", "place")
+SHARE = ("attempts", "successes", "share", "std", "low", "high")
 
 
 def study_tables(games: Sequence[tuple[int, Game]], shown: int) -> dict[str, pd.DataFrame]:
-    """All tables of the games, given as (size, game): games, attempts, curve, paired, success, needed.
+    """All tables of the games, given as (size, game): games, attempts, curve, paired, success, course, needed.
 
-    `shown`: number of training samples of the learned policy in success and needed.
+    `shown`: number of training samples of the learned policy in success, course and needed.
     """
     table, parts = games_table(games), [game.table().assign(size=size) for size, game in games if not game.refused]
     attempts = pd.concat(parts, ignore_index=True).sort_values(["policy", "size", "tower"], kind="stable")
@@ -60,6 +61,7 @@ def study_tables(games: Sequence[tuple[int, Game]], shown: int) -> dict[str, pd.
         "curve": learning_curve(table),
         "paired": pd.concat([paired(table), paired(table, "hma_without_cost")], ignore_index=True),
         "success": success_table(attempts, shown),
+        "course": course_table(attempts, shown),
         "needed": pd.concat([needed_samples(table, shown, policy) for policy in ("mor", "network")], ignore_index=True),
     }
 
@@ -121,21 +123,43 @@ def success_table(attempts: pd.DataFrame, size: int) -> pd.DataFrame:
     Columns phase, position, action, attempts, successes, share, std, low, high (Wilson, 95 %), published (share).
     """
     rows = []
+    for phase, position, part in _by_phase(attempts, size):
+        for i, (action, column) in enumerate(zip(ACTIONS, ("pushed", "extracted", "placed"))):
+            attempted, succeeded = PUBLISHED[phase][position][i]
+            rows.append((phase, position, action, *_share(part[column]), succeeded / attempted))
+    return pd.DataFrame(rows, columns=["phase", "position", "action", *SHARE, "published"])
+
+
+def course_table(attempts: pd.DataFrame, size: int) -> pd.DataFrame:
+    """How often pushes reach the goal in the course of a game, for the policies of `success_table`.
+
+    Columns phase, position, first (number of the first of at most ten blocks, from 1), attempts, successes, share, std,
+    low, high.
+    """
+    numbered = attempts.assign(first=attempts.groupby(["policy", "size", "tower"]).cumcount() // 10 * 10 + 1)
+    rows = [
+        (phase, position, first, *_share(blocks["pushed"]))
+        for phase, position, part in _by_phase(numbered, size)
+        for first, blocks in part.groupby("first")
+    ]
+    return pd.DataFrame(rows, columns=["phase", "position", "first", *SHARE])
+
+
+def _by_phase(attempts: pd.DataFrame, size: int) -> Iterator[tuple[str, str, pd.DataFrame]]:
+    """Attempts of exploration and of hma at `size` samples: on all blocks, side blocks, middle blocks."""
     for phase, policy, own_size in (("exploration", "exploration", 0), ("learned", "hma", size)):
         of_policy = attempts[(attempts["policy"] == policy) & (attempts["size"] == own_size)]
         for position in ("all", "side", "middle"):
-            part = of_policy if position == "all" else of_policy[of_policy["side"] == int(position == "side")]
-            for i, (action, column) in enumerate(zip(ACTIONS, ("pushed", "extracted", "placed"))):
-                tried = part[part[column] >= 0]
-                n, k = len(tried), int((tried[column] == 1).sum())
-                low, high = wilson(k, n)
-                attempted, succeeded = PUBLISHED[phase][position][i]
-                share = k / n if n else np.nan
-                # with one success and one failure added, so that it is never 0
-                std = np.sqrt((k + 1) * (n - k + 1) / (n + 2) ** 3)
-                rows.append((phase, position, action, n, k, share, std, low, high, succeeded / attempted))
-    names = ["phase", "position", "action", "attempts", "successes", "share", "std", "low", "high", "published"]
-    return pd.DataFrame(rows, columns=names)
+            yield phase, position, of_policy[(position == "all") | (of_policy["side"] == int(position == "side"))]
+
+
+def _share(outcomes: pd.Series) -> tuple[int, int, float, float, float, float]:
+    """`SHARE` of outcomes that are 1 (success), 0, or -1 (not tried)."""
+    tried = outcomes[outcomes >= 0]
+    n, k = len(tried), int((tried == 1).sum())
+    # with one success and one failure added, so that it is never 0
+    std = float(np.sqrt((k + 1) * (n - k + 1) / (n + 2) ** 3))
+    return n, k, k / n if n else np.nan, std, *wilson(k, n)
 
 
 def needed_samples(games: pd.DataFrame, first: int, policy: str = "mor") -> pd.DataFrame:

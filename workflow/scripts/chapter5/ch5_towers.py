@@ -20,7 +20,7 @@ shares = study.movable_shares(scans, setup.movable)
 write_result(shares, out.movable)
 summary = study.movable_summary(shares, scans)
 write_result(summary, out.summary)
-write_result(study.fidelity(scans["development"][0], setup, snakemake.params.compared, say=print), out.fidelity)
+write_result(study.fidelity(scans["development"], setup, snakemake.params.compared, say=print), out.fidelity)
 folder = Path(out.movable).parent
 save_figure(*figure_movable(shares, summary, setup.movable.threshold_mm), folder / "figure_movable")
 tower = settled_tower(0, setup)
