@@ -13,7 +13,7 @@ from thesis_lib.foundation.errors import UserError
 from thesis_lib.simulate.compliant.drops import simulate_compliant_drops
 from thesis_lib.simulate.rig.hidden_causes import ELLIPSE_BODY, PROOF_RELEASE, SQUARE, CompliantContact, HiddenCauses
 from thesis_lib.thesis.identify.impacts import law_free
-from thesis_lib.thesis.identify.impacts.law_free import LAST, at_rest, inertia
+from thesis_lib.thesis.identify.impacts.law_free import LAST, at_rest, evenness, inertia
 
 OFFSET, LIGHTER = -0.033, -0.25
 SIGMAS = 3.0
@@ -49,6 +49,17 @@ def test_the_angle_from_flat_is_that_of_the_two_lowest_corners():
     angle = theta - SQUARE.shape.lying(theta)
     rise = np.sort(height, axis=1)
     np.testing.assert_allclose(0.06 * np.sin(np.abs(angle)), rise[:, 1] - rise[:, 0], atol=1e-12)
+
+
+def test_a_step_of_the_surface_is_no_parabola():
+    x, face = np.tile(np.linspace(0.0, 1.0, 40), 2), np.repeat([0, 90], 40)
+    heights = {"parabola": (x - 0.5) ** 2, "step": np.where(x < 0.5, -0.4e-3, 0.4e-3)}
+    shares = {
+        name: evenness(pd.DataFrame({"face": face, "x": x, "y": y + 1e-3 * (face == 90)}))
+        for name, y in heights.items()
+    }
+    assert shares["parabola"] == pytest.approx((0.0, 1.0), abs=1e-6)
+    assert shares["step"][0] > 0.7 and shares["step"][1] - shares["step"][0] < 0.01
 
 
 def test_a_body_without_faces_is_refused():

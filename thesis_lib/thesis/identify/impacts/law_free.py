@@ -27,7 +27,7 @@ from thesis_lib.thesis.identify.impacts.measured_ratio import BENT, ImpactLink, 
 
 LAST = 10  # samples of a throw that lies still
 STILL = np.array([1e-3, 1e-3, 0.02])  # m, m, rad: their range
-PLACES = 4  # along the surface, with as many throws each
+PLACES = 8  # along the surface, with as many throws each
 RANGES = (5.0, 12.0, 20.0, 30.0, 45.0)  # ° from flat
 VARIANTS = (("angle_offset",), ("angle_offset", "rounded_corners"))
 DRAWS = 100
@@ -76,6 +76,18 @@ def inertia(dataset: Dataset, camera: float) -> pd.DataFrame:
     return pd.DataFrame(rows, columns=["low", "high", "hits", "variant", "ratio", "std"])
 
 
+def evenness(lying: pd.DataFrame) -> tuple[float, float]:
+    """Share of the variance of the heights of `at_rest` along x that a line explains, and a parabola (curved surface).
+
+    Heights are those above the median of their face; what lies beyond four of their median deviations is left out.
+    """
+    y = lying["y"] - lying.groupby("face")["y"].transform("median")
+    near = np.abs(y) <= 4.0 * np.median(np.abs(y))
+    x, y = lying["x"][near].to_numpy(), y[near].to_numpy()
+    left = [np.mean((y - np.polynomial.Polynomial.fit(x, y, degree)(x)) ** 2) for degree in (0, 1, 2)]
+    return 1.0 - left[1] / left[0], 1.0 - left[2] / left[0]
+
+
 def as_text(dataset: Dataset) -> str:
     """How the body lies at rest, by face and by place, and its inertia."""
     lying = at_rest(dataset)
@@ -86,6 +98,7 @@ def as_text(dataset: Dataset) -> str:
             f"{len(lying)} throws lie still, {camera:.4f} rad from flat (median)",
             lying.groupby("face")["y"].agg(["count", "median"]).round(5).to_string(),
             places.agg(["count", "median", "std"]).round(5).to_string(),
+            "of the variance of these heights a line explains {:.2f}, a parabola {:.2f}".format(*evenness(lying)),
             inertia(dataset, camera).round(3).to_string(index=False),
         ]
     )
