@@ -14,6 +14,7 @@ from thesis_lib.thesis.impact_study import study
 from thesis_lib.thesis.impact_study.statements import (
     converged_at,
     crosses,
+    error_bumps,
     local_minima,
     mirrored_rotation,
     reverses,
@@ -102,6 +103,13 @@ def test_the_tail_of_errors_lies_outside_the_range_only_if_its_impulses_do():
     misfit[90:] = 0.2
     rest = np.mean(misfit[:90] > 0.1)
     assert tail_outside(errors, rows.assign(misfit=misfit)[::-1], 0.1)[0] == pytest.approx(1.0 - rest)
+
+
+def test_bumps_of_errors_are_the_peaks_beside_the_highest():
+    rng = np.random.default_rng(0)
+    near = np.abs(rng.normal(0.0, 0.05, 900))
+    assert error_bumps(near) == 0
+    assert error_bumps(np.concatenate([near, rng.normal(0.4, 0.03, 200), [np.nan]])) == 1
 
 
 def test_local_minima():

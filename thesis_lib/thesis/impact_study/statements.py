@@ -9,6 +9,7 @@ A row has `statement`, `law` ('' if it concerns none), `value`, `std` (NaN if un
 | over_best_post_hoc         | mean held-out error of a law minus that of Best Post Hoc of its variant          |
 | steep_friction             | mean held-out error at the inclined plane's μ = 0.3 minus that at the ensemble's μ |
 | tail_outside               | share of impulses out of a law's range in the tail of its errors, less that in the rest |
+| error_bumps                | peaks of the density of all laws' errors (figure 3-8) beside the highest, most of a law |
 | back_spin                  | share of measured impacts after which v_t has changed its sign                   |
 | beyond_sticking            | share of measured impulses beyond the line of sticking                           |
 | predicted_back_spin, predicted_beyond_sticking | the same shares of a law's predictions                       |
@@ -115,6 +116,9 @@ def statements(
         rows.append(("tail_outside", law, *tail_outside(of_law, each, tolerance * impacts.mass), "1"))
         steep = _errors_at(held_out, str(law), MU_INCLINED_PLANE, fit["epsilon"])
         rows.append(("steep_friction", law, *mean_of(steep - at_ensemble), "m/s"))
+    single = errors[errors["model"].isin(ensemble.index)]
+    most = max(error_bumps(part["velocity_error"].to_numpy()) for _, part in single.groupby("model"))
+    rows.append(("error_bumps", "", most, np.nan, "1"))
     rows += _over_best_post_hoc(errors)
     rows += individual_rows(impacts, individual, ensemble, tolerance * impacts.mass)
     if left_out is not None:
@@ -147,6 +151,19 @@ def tail_outside(errors: pd.DataFrame, individual: pd.DataFrame, tolerance: floa
     tail = (rows["velocity_error"] >= rows["velocity_error"].quantile(1.0 - TAIL)).to_numpy()
     (worst, of_worst), (rest, of_rest) = share_of(outside[tail]), share_of(outside[~tail])
     return worst - rest, float(np.hypot(of_worst, of_rest))
+
+
+def error_bumps(error: np.ndarray) -> int:
+    """Number of peaks beside the highest point of the density of errors (n,), reflected at 0 (Scott's bandwidth)."""
+    from scipy.signal import find_peaks
+    from scipy.stats import gaussian_kde
+
+    finite = error[np.isfinite(error)]
+    width = len(finite) ** -0.2 * finite.std() / np.sqrt(np.mean(finite**2))  # of the errors, not of their reflection
+    kernel = gaussian_kde(np.concatenate([finite, -finite]), bw_method=width)
+    density = kernel(np.linspace(0.0, float(finite.max()), 1001))
+    peaks, _ = find_peaks(density, prominence=0.02 * density.max())
+    return int((peaks != np.argmax(density)).sum())
 
 
 def converged_at(convergence: pd.DataFrame, share: float = 0.1) -> float:
