@@ -1,6 +1,6 @@
 """CPU time of one critique on one core: 300 drops, from trajectories to report.
 
-    python -m benchmarks.critique [--drops 300] [--hidden com_offset_x] [--sizes 100 200 400] [--quick] [-o FILE.csv]
+    python -m benchmarks.critique [--drops 300] [--hidden com_offset_x] [--sizes 75 150 300 600] [--quick] [-o FILE.csv]
     python -m benchmarks.critique --against CHECKOUT [--pairs 3] [--drops 300]
 
 - `--hidden`: the example of the command line with a hidden cause, by `python -m thesis_lib critique`;
@@ -129,7 +129,7 @@ def main(arguments: list[str] | None = None) -> None:
     parser = benchmark_parser("critique", "CPU time of one critique on one core.")
     parser.add_argument("--drops", type=int, default=300)
     parser.add_argument("--hidden", nargs="+", default=["com_offset_x"], metavar="CAUSE")
-    parser.add_argument("--sizes", type=int, nargs="+", default=[100, 200, 400], metavar="DROPS")
+    parser.add_argument("--sizes", type=int, nargs="+", default=[75, 150, 300, 600], metavar="DROPS")
     parser.add_argument("--against", type=Path, metavar="CHECKOUT", help="only compare with an earlier checkout")
     parser.add_argument("--hits", nargs="+", choices=SHAPES, default=list(SHAPES), help="with --against")
     parser.add_argument("--pairs", type=int, default=3, help="with --against; default: %(default)s")
@@ -180,7 +180,8 @@ def main(arguments: list[str] | None = None) -> None:
         if len(taken) > 1:
             p, half = exponent(options.sizes, taken)
             sizes, asked = f"{min(options.sizes)} to {max(options.sizes)} drops", EXPONENT[hits]
-            note = f"± {half:.2f} (95 %), {sizes}; asked: below {asked:g}"
+            said = "yes" if p + half < asked else "no" if p - half > asked else "these sizes do not decide it"
+            note = f"± {half:.2f} (95 %), {sizes}; asked: below {asked:g}: {said}"
             results.add(f"{name}: exponent of the CPU time", p, "1", note)
             print(f"{name}: cost ~ n^{p:.2f} {note}")
     results.write(options.out)
