@@ -5,8 +5,8 @@
     python -m benchmarks.table --short --write README.md     # six of them (SHORT)
 
 Reads FOLDER/*.csv (results/benchmarks by default) and prints Markdown, or replaces what stands between
-`<!-- benchmarks -->` and `<!-- /benchmarks -->` in a file.  The caption tells processor, cores and the day on which the
-newest of the files was written.
+`<!-- benchmarks -->` and `<!-- /benchmarks -->` in a file.  The caption says processor, cores and the days on which the
+files were written, the oldest and the newest.
 """
 
 import argparse
@@ -38,8 +38,10 @@ SHORT = re.compile(
 )
 
 
-def read_rows(folder: Path) -> tuple[pd.DataFrame, datetime.date]:
-    """All rows in the table's order, and the day of the newest file.
+def read_rows(folder: Path, wanted: re.Pattern[str] | None = None) -> tuple[pd.DataFrame, list[datetime.date]]:
+    """All rows in the table's order, and the days of their files, the oldest first.
+
+    `wanted`: only rows whose "benchmark: measure" is a whole match.
 
     Raises:
         UserError: there are none.
@@ -49,9 +51,18 @@ def read_rows(folder: Path) -> tuple[pd.DataFrame, datetime.date]:
     if not files:
         raise UserError(f"There is no benchmark in {folder}; run make bench, which writes them there.")
     files.sort(key=lambda path: (ORDER.index(path.stem) if path.stem in ORDER else len(ORDER), path.stem))
-    rows = pd.concat([read_table(path, COLUMNS) for path in files], ignore_index=True)
-    newest = max(path.stat().st_mtime for path in files)
-    return rows[COLUMNS], datetime.datetime.fromtimestamp(newest, tz=datetime.UTC).date()
+    parts, days = [], []
+    for path in files:
+        rows = read_table(path, COLUMNS)[COLUMNS]
+        if wanted:
+            names = rows["benchmark"] + ": " + rows["measure"]
+            rows = rows[[wanted.fullmatch(name) is not None for name in names]]
+        if len(rows):
+            parts.append(rows)
+            days.append(datetime.datetime.fromtimestamp(path.stat().st_mtime, tz=datetime.UTC).date())
+    if not parts:
+        raise UserError(f"None of the benchmarks in {folder} has a row that is shown here; run make bench.")
+    return pd.concat(parts, ignore_index=True), sorted(days)
 
 
 def number(value: float) -> str:
@@ -63,11 +74,12 @@ def number(value: float) -> str:
     return f"{value:,.0f}" if abs(value) >= 1000 or value == int(value) else f"{value:.3g}"
 
 
-def markdown(rows: pd.DataFrame, day: datetime.date) -> str:
-    """The table with its caption."""
+def markdown(rows: pd.DataFrame, days: Sequence[datetime.date]) -> str:
+    """The table with its caption; `days` on which it was measured, the oldest first."""
     cores, model = os.cpu_count() or 1, processor()["model"]
+    when = " to ".join(dict.fromkeys((days[0].isoformat(), days[-1].isoformat())))
     lines = [
-        f"Measured on {model}, {cores} core{'s' * (cores > 1)}, {day.isoformat()}; on one core where nothing else is "
+        f"Measured on {model}, {cores} core{'s' * (cores > 1)}, {when}; on one core where nothing else is "
         "said.  Ratios compare times of one run.",
         "",
         "| benchmark | measure | value | unit | note |",
@@ -101,11 +113,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--write", type=Path, metavar="FILE.md", help="replace the table in this file")
     options = parser.parse_args(arguments)
     try:
-        rows, day = read_rows(options.folder)
-        if options.short:
-            names = rows["benchmark"] + ": " + rows["measure"]
-            rows = rows[names.map(lambda name: SHORT.fullmatch(name) is not None)]
-        table = markdown(rows, day)
+        table = markdown(*read_rows(options.folder, SHORT if options.short else None))
         if options.write is None:
             print(table)
             return 0

@@ -1,5 +1,7 @@
 """The README's table holds what the benchmarks wrote, and nothing outside its markers changes."""
 
+import os
+
 import pandas as pd
 
 from benchmarks.results import Results
@@ -31,7 +33,10 @@ def test_table_replaces_what_stands_between_its_markers(tmp_path, capsys):
     assert "| laws | mirtich, batched | 12.3 | million a second | a \\| b |" in text
     assert "| laws | what could not be measured |  |  |  |" in text
     assert text.index("| laws |") < text.index("| zeta | ratio | 1,235 |")
-    again = text
+    os.utime(tmp_path / "laws.csv", (1.7636e9, 1.7636e9))  # 2025-11-20
+    os.utime(tmp_path / "zeta.csv", (1.76375e9, 1.76375e9))
+    assert main([str(tmp_path), "--write", str(readme)]) == 0 and "2025-11-20 to 2025-11-21" in readme.read_text()
+    again = readme.read_text()
     assert main([str(tmp_path), "--write", str(readme)]) == 0 and readme.read_text() == again
 
 
