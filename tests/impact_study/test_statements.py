@@ -12,14 +12,14 @@ from thesis_lib.contact.space import contact_space, line_of_sticking
 from thesis_lib.foundation.files import read_table, write_table
 from thesis_lib.thesis.impact_study import study
 from thesis_lib.thesis.impact_study.statements import (
+    before_bump,
     converged_at,
     crosses,
-    error_bumps,
     local_minima,
     mirrored_rotation,
+    outside_beyond,
     reverses,
     statements,
-    tail_outside,
 )
 from thesis_lib.thesis.impact_study.tables import SIX_AS_PUBLISHED
 
@@ -98,18 +98,18 @@ class TestConvergence:
 def test_the_tail_of_errors_lies_outside_the_range_only_if_its_impulses_do():
     rows = pd.DataFrame({"trial": np.arange(100), "impact": 0})
     errors, misfit = rows.assign(velocity_error=np.arange(100.0)), np.where(np.arange(100) % 3, 0.0, 0.2)
-    none, std = tail_outside(errors, rows.assign(misfit=misfit), 0.1)
+    none, std = outside_beyond(90.0, errors, rows.assign(misfit=misfit), 0.1)
     assert abs(none) < std and 0.1 < std < 0.2
     misfit[90:] = 0.2
     rest = np.mean(misfit[:90] > 0.1)
-    assert tail_outside(errors, rows.assign(misfit=misfit)[::-1], 0.1)[0] == pytest.approx(1.0 - rest)
+    assert outside_beyond(90.0, errors, rows.assign(misfit=misfit)[::-1], 0.1)[0] == pytest.approx(1.0 - rest)
 
 
-def test_bumps_of_errors_are_the_peaks_beside_the_highest():
+def test_a_bump_of_errors_begins_in_the_valley_before_it():
     rng = np.random.default_rng(0)
     near = np.abs(rng.normal(0.0, 0.05, 900))
-    assert error_bumps(near) == 0
-    assert error_bumps(np.concatenate([near, rng.normal(0.4, 0.03, 200), [np.nan]])) == 1
+    assert before_bump(near) is None
+    assert 0.15 < before_bump(np.concatenate([near, rng.normal(0.4, 0.03, 200), [np.nan]])) < 0.35
 
 
 def test_local_minima():

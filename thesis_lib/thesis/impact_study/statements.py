@@ -9,7 +9,8 @@ A row has `statement`, `law` ('' if it concerns none), `value`, `std` (NaN if un
 | over_best_post_hoc         | mean held-out error of a law minus that of Best Post Hoc of its variant          |
 | steep_friction             | mean held-out error at the inclined plane's μ = 0.3 minus that at the ensemble's μ |
 | tail_outside               | share of impulses out of a law's range in the tail of its errors, less that in the rest |
-| error_bumps                | peaks of the density of all laws' errors (figure 3-8) beside the highest, most of a law |
+| error_bumps                | laws whose density of errors (figure 3-8) has a second peak beyond the highest   |
+| bump_outside               | `tail_outside` of the errors beyond the valley before that peak, mean over these laws |
 | back_spin                  | share of measured impacts after which v_t has changed its sign                   |
 | beyond_sticking            | share of measured impulses beyond the line of sticking                           |
 | predicted_back_spin, predicted_beyond_sticking | the same shares of a law's predictions                       |
@@ -105,6 +106,7 @@ def statements(
     rows += [("converged_at", law, k, np.nan, "1") for law, k in slowest.items()]
     if slowest:
         rows.append(("converged_at", "", max(slowest.values()), np.nan, "1"))
+    bumps: list[tuple[float, float]] = []
     for law, fit in ensemble.iterrows():
         with np.errstate(all="ignore"):  # branches of the law that are not taken
             predicted = LAWS[str(law)].impulse(target.space, np.asarray(fit["mu"]), np.asarray(fit["epsilon"]))
@@ -113,12 +115,14 @@ def statements(
         of_law = errors[errors["model"] == law]
         at_ensemble = of_law["velocity_error"].to_numpy()
         each = individual[individual["law"] == law]
-        rows.append(("tail_outside", law, *tail_outside(of_law, each, tolerance * impacts.mass), "1"))
+        largest = float(of_law["velocity_error"].quantile(1.0 - TAIL))
+        rows.append(("tail_outside", law, *outside_beyond(largest, of_law, each, tolerance * impacts.mass), "1"))
+        if (valley := before_bump(at_ensemble)) is not None:
+            bumps.append(outside_beyond(valley, of_law, each, tolerance * impacts.mass))
         steep = _errors_at(held_out, str(law), MU_INCLINED_PLANE, fit["epsilon"])
         rows.append(("steep_friction", law, *mean_of(steep - at_ensemble), "m/s"))
-    single = errors[errors["model"].isin(ensemble.index)]
-    most = max(error_bumps(part["velocity_error"].to_numpy()) for _, part in single.groupby("model"))
-    rows.append(("error_bumps", "", most, np.nan, "1"))
+    rows.append(("error_bumps", "", len(bumps), np.nan, "1"))
+    rows.append(("bump_outside", "", *(np.mean(bumps, axis=0) if bumps else (0.0, 0.0)), "1"))
     rows += _over_best_post_hoc(errors)
     rows += individual_rows(impacts, individual, ensemble, tolerance * impacts.mass)
     if left_out is not None:
@@ -140,30 +144,38 @@ def crosses(space: Contact, c_t: np.ndarray, c_n: np.ndarray) -> np.ndarray:
     return np.where(np.isfinite(c_t + c_n), beyond, np.nan)
 
 
-def tail_outside(errors: pd.DataFrame, individual: pd.DataFrame, tolerance: float) -> tuple[float, float]:
-    """Share of impulses outside a law's range among the largest errors less that among the others, and standard error.
+def outside_beyond(
+    edge: float, errors: pd.DataFrame, individual: pd.DataFrame, tolerance: float
+) -> tuple[float, float]:
+    """Share of impulses outside a law's range among errors from `edge` on less that among the others; standard error.
 
     `errors` (trial, impact, velocity_error) and `individual` (trial, impact, misfit) are of one law; an impulse lies
     outside if its misfit exceeds `tolerance` in N s.
     """
     rows = errors.merge(individual[["trial", "impact", "misfit"]], on=["trial", "impact"])
     outside = (rows["misfit"] > tolerance).to_numpy(float)
-    tail = (rows["velocity_error"] >= rows["velocity_error"].quantile(1.0 - TAIL)).to_numpy()
-    (worst, of_worst), (rest, of_rest) = share_of(outside[tail]), share_of(outside[~tail])
+    beyond = (rows["velocity_error"] >= edge).to_numpy()
+    (worst, of_worst), (rest, of_rest) = share_of(outside[beyond]), share_of(outside[~beyond])
     return worst - rest, float(np.hypot(of_worst, of_rest))
 
 
-def error_bumps(error: np.ndarray) -> int:
-    """Number of peaks beside the highest point of the density of errors (n,), reflected at 0 (Scott's bandwidth)."""
+def before_bump(error: np.ndarray) -> float | None:
+    """Lowest point of the density of errors (n,) between its highest peak and the next beyond; None without a next.
+
+    The density is reflected at 0 (Scott's bandwidth); a peak stands out by a fiftieth of the highest.
+    """
     from scipy.signal import find_peaks
     from scipy.stats import gaussian_kde
 
     finite = error[np.isfinite(error)]
     width = len(finite) ** -0.2 * finite.std() / np.sqrt(np.mean(finite**2))  # of the errors, not of their reflection
     kernel = gaussian_kde(np.concatenate([finite, -finite]), bw_method=width)
-    density = kernel(np.linspace(0.0, float(finite.max()), 1001))
+    grid = np.linspace(0.0, float(finite.max()), 1001)
+    density = kernel(grid)
     peaks, _ = find_peaks(density, prominence=0.02 * density.max())
-    return int((peaks != np.argmax(density)).sum())
+    top = int(np.argmax(density))
+    beyond = peaks[peaks > top]
+    return float(grid[top + np.argmin(density[top : beyond[0]])]) if len(beyond) else None
 
 
 def converged_at(convergence: pd.DataFrame, share: float = 0.1) -> float:
