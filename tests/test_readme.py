@@ -75,9 +75,10 @@ def test_what_is_said_of_faces_and_beliefs_is_so_in_the_stored_run(statuses):
     # as shown, in whole per cent
     assert ((100 * coverage["coverage"]).round() - 100 * coverage["level"]).abs().max() <= 3.0 and len(coverage) == 6
     stored = pd.read_csv(DICE / "dice.csv").set_index(["quantity", "model"])
-    assert "0.7 sides cannot be told from this, and six faces of ten, at its\nedge, hardly" in FINDINGS
+    assert "the first is missed by four points, within the interval, and the second is met within its own" in FINDINGS
     faces, scatter = (stored.loc[(name, "compliant_residual")] for name in ("face_right", "std"))
-    assert scatter["low"] < 0.7 < scatter["high"] and abs(faces["high"] - 0.6) < 0.005
+    assert scatter["low"] < 0.7 < scatter["high"] and round(100 * (0.6 - faces["value"])) == 4
+    assert round(faces["high"], 2) >= 0.6
     assert "more than eight of ten throws" in FINDINGS and stored.loc["limit_face", "value"].min() > 0.8
     # "scatter less than any law does"
     start = pd.read_csv(DICE / "dice_budget.csv").query("contact == 0").set_index("model")["std"]
