@@ -46,7 +46,8 @@ claims:
   published.
 - `weak` says why agreement tells little: a wrong result would pass, a criterion was chosen on our own data, or the
   number is not the thesis's.  Such claims are counted apart.
-- At the quick scale a claim with `quick` is compared and shown, but not decided.
+- At the quick scale a claim with `quick` is compared and shown, but not decided; at any scale, one whose check with a
+  margin of k standard errors fails by less than the margin.
 - A folder is read as one ledger, its files ordered by name.  What claims share holds within one file.
 """
 
