@@ -135,9 +135,9 @@ class GameChoice(Section):
     learners: tuple[str, ...] = Field(("hma", "mor", "network"), description="policies that learn, at every size")
     sizes: tuple[int, ...] = Field((100, 1000), min_length=1, description="training samples")
     shown: int = Field(100, ge=20, description="of `sizes`: of the ablations and of figure 5-6 (100 in the thesis)")
-    ppo_sizes: tuple[int, ...] = Field((1000, 2500), description="samples of PPO: checkpoints of one training")
-    fixed: tuple[str, ...] = Field(("rule", "always_push", "exploration", "oracle"), description="without training")
-    ablations: tuple[str, ...] = Field(("hma_without_cost",), description="policies that learn, at `shown` only")
+    ppo_sizes: tuple[int, ...] = Field((2500,), description="samples of PPO: checkpoints of one training")
+    fixed: tuple[str, ...] = Field(("rule", "exploration"), description="without training")
+    ablations: tuple[str, ...] = Field((), description="policies that learn, at `shown` only")
 
     def played(self) -> dict[tuple[str, int], int]:
         """On how many test towers each policy plays, by (policy, samples; 0: does not learn)."""
