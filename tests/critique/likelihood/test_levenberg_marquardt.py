@@ -46,6 +46,12 @@ def test_wide_differences_lead_over_jumps_that_narrow_ones_take_for_slopes():
     assert np.abs(wide - TRUE).max() < 0.02 < 0.2 < np.abs(narrow - TRUE).max()
 
 
+def test_a_step_that_overshoots_is_shortened_until_it_gains():
+    """The first step from (1, 1) lands at (-5, 0), at nearly the same cost; a search without damping stays there."""
+    found = minimised(lambda x: np.array([np.arctan(5.0 * (x[0] - 0.1)), x[1]]), start=(1.0, 1.0), low=-9.0, high=9.0)
+    np.testing.assert_allclose(found, (0.1, 0.0), atol=1e-3)
+
+
 def test_where_models_err_far_beyond_noise_steps_are_long_enough():
     """Weighted (60, 6) of some 200 standard deviations that no x explains; the twelve steps reach the least cost."""
     rng = np.random.default_rng(3)

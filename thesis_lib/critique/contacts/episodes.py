@@ -225,8 +225,11 @@ class _Play:
         when = np.where(above, np.clip(when, 0.0, h), h * (rate >= 0.0))
         point = np.where((after <= 0.0) & (last < 0.0), when, np.inf).argmin(axis=0)
         t, above = when[point, each], above[point, each]
+        dynamics = self.dynamics.select(rows)
+        touching = dynamics.on(one_point(dynamics.rig, point))
         for k in range(NEWTON + 1):
-            gap, v_n = (part[point, each] for part in self._gaps(start.flown(a, t), rows))
+            now = start.flown(a, t)
+            gap, v_n = touching.gap(now), touching.contact(now)[1].v_n
             falls = v_n < -SLOWEST
             step = np.divide(-gap, v_n, out=np.zeros_like(gap), where=above & falls) * (k < NEWTON)
             t = np.clip(np.where(falls, t + step, t + LATER * h), 0.0, h)

@@ -161,12 +161,10 @@ class Drops(World[Effect, Fit, Judgement]):
         o, known = self.observations, fitted.whitening if fitted.whitening.observations is self.observations else None
         inside = [self.trials[folds == k] for k in np.unique(folds)]
         others = [self.trials[folds != k] for k in np.unique(folds)]
-        if known and not self.space.is_plane:
+        if known:
             fits = fit_parts(known, fitted.values, others)
         else:
-            tasks = [(o.select(trials), fitted.values) for trials in others]
-            rows = [np.isin(o.trial, trials) for trials in others]
-            fits = fit_each(fitted.model, tasks, 1, [(known.S[r], known.sigma_m) for r in rows] if known else ())
+            fits = fit_each(fitted.model, [(o.select(trials), fitted.values) for trials in others], 1)
         return joined([judge(fit, o.select(trials)) for fit, trials in zip(fits, inside)])
 
     def leaves_an_error(self, judged: Judgement) -> bool:

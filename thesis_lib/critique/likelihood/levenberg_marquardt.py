@@ -14,6 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 STEPS = 12
+TRIES, SHORTER, STRONGER = 4, 0.1, 30.0  # of one step; the damping of the second one at least, and its growth from then
 ENOUGH = 1e-3  # nats; the search ends below this gain per step, a twentieth of a standard error
 NEAR = 3e-2  # the same of a fit that is only compared; the step that gains it ends within a tenth of its length
 
@@ -48,7 +49,7 @@ def levenberg_marquardt(
         moved = yield list(x + np.diag(h))
         J = np.stack([here.weight * (other.z - here.z) / h_i for other, h_i in zip(moved, h)], axis=1)
         JtJ, g = J.T @ J, J.T @ (here.weight * here.z)
-        for _ in range(6):
+        for _ in range(TRIES):
             # keep parameters at a bound if their step leaves the box
             held = ((x <= low) & (g > 0)) | ((x >= high) & (g < 0))
             move = ~held
@@ -63,7 +64,7 @@ def levenberg_marquardt(
                 gain = here.cost - there.cost
                 x, here, damping = new, there, max(damping / 10.0, 1e-8)
                 break
-            damping *= 10.0
+            damping = max(STRONGER * damping, SHORTER)
         else:
             gain, damping = 0.0, 1e-3
         if gain < enough:
