@@ -1,6 +1,7 @@
 """The same work on each of several items, shared by processes that are forked from this one.
 
-A forked process knows all that this one knows, so that nothing is sent to it; only results come back.
+A forked process knows all that this one knows, so that nothing is sent to it; only results come back.  The first items
+are done here: what they load or compile is there for all, and short work is done before another process would begin.
 """
 
 import os
@@ -11,6 +12,7 @@ from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from contextvars import ContextVar
 from multiprocessing import get_context
+from time import perf_counter
 from typing import Any, TypeVar
 
 from thesis_lib.foundation.errors import UserError
@@ -19,6 +21,9 @@ T = TypeVar("T")
 R = TypeVar("R")
 
 MOST = 16  # processes of one search, unless more are asked for: each takes some 100 MB, and some 40 items come at once
+WORTH = 0.3  # s of work that is done here first; to fork two processes and to end them takes 0.1 s
+LONG = 1.0  # s that the first item took: next time, other processes begin at once with such work
+_long: set[str] = set()
 _jobs: ContextVar[int] = ContextVar("jobs", default=1)
 _task: tuple[Callable[[Any], Any], Sequence[Any]] | None = None  # of a forked process; None in the first one
 
@@ -54,10 +59,21 @@ def each(work: Callable[[T], R], items: Sequence[T]) -> list[R]:
     jobs = min(processes(), len(items))
     if jobs < 2:
         return [work(item) for item in items]
+    done: list[R] = []
+    if work.__qualname__ not in _long:
+        began = perf_counter()
+        while len(done) < len(items) and perf_counter() - began < WORTH:
+            done.append(work(items[len(done)]))
+        if len(done) == 1 and perf_counter() - began > LONG:
+            _long.add(work.__qualname__)
+    rest = items[len(done) :]
+    jobs = min(jobs, len(rest))
+    if jobs < 2:
+        return [*done, *map(work, rest)]
     context = get_context("fork")  # to others all data would have to be sent
     try:
-        with ProcessPoolExecutor(jobs, context, _begin, (work, items)) as pool:
-            return list(pool.map(_answer, range(len(items))))
+        with ProcessPoolExecutor(jobs, context, _begin, (work, rest)) as pool:
+            return [*done, *pool.map(_answer, range(len(rest)))]
     except BrokenProcessPool:
         raise UserError(
             f"One of {jobs} processes was killed, as happens where memory runs out. Fewer of them need less: --jobs 1."

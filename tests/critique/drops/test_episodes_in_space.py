@@ -20,6 +20,7 @@ from thesis_lib.critique.likelihood.in_space.hits import HARD, hard_hits, observ
 from thesis_lib.critique.likelihood.synthesis import synthesise
 from thesis_lib.effects import EFFECTS
 from thesis_lib.effects.effect import Rig
+from thesis_lib.foundation import forked
 from thesis_lib.foundation.forked import sharing
 from thesis_lib.mechanics.space import SPACE, of_rotation_vector
 from thesis_lib.mechanics.state import State
@@ -162,6 +163,7 @@ def test_no_hit_is_of_a_point_above_the_surface(tossed, monkeypatch, size):
 def test_predictions_and_covariances_that_processes_share_are_equal(tossed, monkeypatch):
     monkeypatch.setattr(whitening, "SHARED", 100)
     monkeypatch.setattr(comparison, "SHARED", 400)
+    monkeypatch.setattr(forked, "WORTH", 0.0)
     model = Model(BASES["compliant_contact"], takes_time=True, space=SPACE)
     points = [VALUES | {"mu": mu} for mu in (0.2, 0.22, 0.3)]
 

@@ -13,6 +13,7 @@ from thesis_lib.critique.likelihood.fit import fit, fit_each
 from thesis_lib.critique.likelihood.observations import observe
 from thesis_lib.critique.likelihood.whitening import Whitening, together
 from thesis_lib.effects import EFFECTS, effects_in
+from thesis_lib.foundation import forked
 from thesis_lib.foundation.forked import sharing
 from thesis_lib.mechanics.space import PLANE
 from thesis_lib.simulate.rig.hidden_causes import ELLIPSE_BODY, SQUARE, CompliantContact
@@ -103,7 +104,9 @@ def test_where_an_effect_is_absent_its_place_is_no_direction(observations, name)
     assert columns[:, 0].any() and not columns[:, 1:].any()
 
 
-def test_fits_and_judgements_by_several_processes_equal_those_of_one(observations):
+def test_fits_and_judgements_by_several_processes_equal_those_of_one(observations, monkeypatch):
+    monkeypatch.setattr(forked, "WORTH", 0.0)
+
     def results(jobs: int) -> tuple:
         world = Drops(observations)
         names, folds = ("wrong_inertia", "com_offset", "wrong_gravity"), np.arange(len(world.trials)) % 3
