@@ -206,10 +206,11 @@ def _in_plane(touching: Touching) -> Pressed:
     spring, soft = (_parameters(at_corners, kind) for kind in (TangentialCompliance, SoftBody))
     eta, zeta = (np.full(corners * n, spring.get(name, 0.0))[:n] for name in ("eta", "zeta"))
     share, slopes = _chord(law, soft, tau[:n], at_corners.rig.shape, touching.tiled.theta)
+    falling = np.ascontiguousarray(touching.falling)  # always in this order of axes: one kernel is compiled
     shift, v, elapsed, c_t, c_n = integrate(
         (force.kind, force.exponent, ratio, regularisation, _central_pressure(shape) if is_field else 1.0),
         np.concatenate([np.reshape(at.r, (2, corners, n)), points]),
-        (np.full(corners * n, at.mobility)[:n], touching.falling, np.ascontiguousarray(touching.tiled.theta[:n])),
+        (np.full(corners * n, at.mobility)[:n], falling, np.ascontiguousarray(touching.tiled.theta[:n])),
         _outline(shape, corners),
         (eta, zeta),
         (share, slopes.reshape(corners, n)),
