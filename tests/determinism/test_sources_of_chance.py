@@ -32,6 +32,7 @@ ALLOWED = {
     "thesis_lib/thesis/identify/programs/study.py": "CPU seconds for benchmarks.programs; programs_table drops them",
     "thesis_lib/studies/proof/proposals.py": "CPU seconds of a proposal, for the proof's table; no run writes it",
     "thesis_lib/studies/proof/space.py": "CPU seconds of a critique, for the proof's table; no run writes it",
+    "thesis_lib/foundation/forked.py": "which process does the work; the result is the same in all",
     "thesis_lib/foundation/rows.py": "the day of a row of the proof; no run writes it",
     "thesis_lib/foundation/provenance.py": "a name for a file until it is whole, which it then loses",
 }
