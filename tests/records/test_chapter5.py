@@ -63,7 +63,7 @@ def test_the_best_of_the_other_policies_is_named() -> None:
     )
     said = finding("figure_5_5b", curve, NEEDED)
     assert "with as many, network 8.0 (7.0 to 9.0)" in said
-    assert said.endswith("most of the other policies, oracle: 11.0 (10.0 to 12.0).")
+    assert said.endswith("of the other policies oracle extracts most, 11.0 (10.0 to 12.0).")
 
 
 def test_rivals_are_grouped_by_what_their_intervals_say() -> None:
