@@ -274,9 +274,7 @@ def _turns(samples: _Samples, further: np.ndarray, Q: np.ndarray, rig: Rig, nois
     believed, _ = attitudes(q, spin, G, tau)
     measured = np.swapaxes(np.moveaxis(samples.attitude, -1, 0), 1, 2)
     turns = np.swapaxes(SPACE.turn_between(believed, measured), 1, 2) * samples.used
-    none = np.zeros((3, n))
-    free = columns(np.concatenate([none, q]), np.concatenate([none, spin]), G, tau).matrix()
-    free = free[3:, [3, 4, 5, 9, 10, 11]].transpose(3, 0, 2, 1) * samples.used[:, None, :, None]  # (n, 3, W, 6)
+    free = columns(q, spin, G, tau).transpose(3, 0, 2, 1) * samples.used[:, None, :, None]  # (n, 3, W, 6)
     more = np.einsum("nwt,ij->niwtj", further, np.eye(3)).reshape(*free.shape[:3], -1)
     P, R = np.linalg.qr(np.concatenate([free, more], axis=3).reshape(n, -1, 12))
     P = P.reshape(n, *free.shape[1:3], 12)
