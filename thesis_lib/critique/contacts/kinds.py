@@ -60,11 +60,6 @@ class ByImpulse(Dynamics):
     def press(self, true: State, left: np.ndarray | float = 0.0) -> tuple[State, np.ndarray]:
         return press(self, true, left)
 
-    @staticmethod
-    def applies_to(model: Model) -> bool:
-        """Whether the model's contacts are of this kind; the first of `KINDS` for which it says so has them."""
-        return True
-
     def stated(self, before: State, offset: np.ndarray) -> Prediction:
         """Of impacts that are stated with the velocities before and after, at one pose; `offset` as in `predict`."""
         return Prediction(self.predict(before, offset).v)
@@ -101,61 +96,11 @@ class ByImpulse(Dynamics):
         """True states at the end of contacts that take time, from true states at their touch (`episodes.contact`)."""
         return contact(self, touch)
 
-    # how a fit starts and ends, where steps along slopes do not lead everywhere
-
-    @staticmethod
-    def forerunner(model: Model) -> Model | None:
-        """A model whose fit finds a start; None: no fit needs one."""
-        return None
-
-    @staticmethod
-    def admitted(values: Mapping[str, float]) -> dict[str, float]:
-        """Start values, moved to where there are slopes."""
-        return dict(values)
-
-    @staticmethod
-    def reaches(p: Parameter) -> bool:
-        """Whether a fit comes back from the starts that an effect declares, if they are wrong."""
-        return True
-
-    @staticmethod
-    def withdrawn(values: Mapping[str, float]) -> dict[str, float]:
-        """Values to try again from, where a step may have gone too far to come back; {}: none."""
-        return {}
-
 
 class Integrated(ByImpulse):
     """Contacts integrated under the law's force."""
 
     integrated = True
-
-    @staticmethod
-    def applies_to(model: Model) -> bool:
-        return model.is_compliant
-
-    @staticmethod
-    def forerunner(model: Model) -> Model:
-        # an integrated contact that takes no time has no slope along its time
-        return replace(model, law=replace(model.law, impulse=mirtich.impulse, force=None))
-
-    @staticmethod
-    def admitted(values: Mapping[str, float]) -> dict[str, float]:
-        start, ratio = {**values, "tau": max(values["tau"], BRIEF)}, DAMPING_RATIO
-        if start.get(ratio.name, 0.0) > 5.0 * ratio.null:
-            start[ratio.name] = ratio.null  # so strong a damper is rigid friction, whatever the ratio
-        return start
-
-    @staticmethod
-    def reaches(p: Parameter) -> bool:
-        return any(abs(x - p.null) <= FAR * p.scale for x in p.starts)
-
-    @staticmethod
-    def withdrawn(values: Mapping[str, float]) -> dict[str, float]:
-        # friction so sharp, or damped so strongly, is Coulomb's: there is no slope
-        tolerance, ratio = STICTION_TOLERANCE, DAMPING_RATIO
-        if values.get(tolerance.name, tolerance.null) < 0.5 * tolerance.null:
-            return {tolerance.name: tolerance.null}
-        return {ratio.name: ratio.scale} if values.get(ratio.name, ratio.null) > 2.0 * ratio.null else {}
 
 
 class InEngine(Integrated):
@@ -164,32 +109,53 @@ class InEngine(Integrated):
     def press(self, true: State, left: np.ndarray | float = 0.0) -> tuple[State, np.ndarray]:
         return press_in_engine(self, true) if true.space.is_plane else press(self, true, left, in_engine)
 
-    @staticmethod
-    def applies_to(model: Model) -> bool:
-        return bool(model.law.engine) and model.is_compliant
-
 
 class EngineInstant(ByImpulse):
     """An engine where contacts are taken as instants."""
 
     press = InEngine.press
 
-    @staticmethod
-    def applies_to(model: Model) -> bool:
-        return bool(model.law.engine)
-
     def stated(self, before: State, offset: np.ndarray) -> Prediction:
         return Prediction(self.to_measured(self.press(self.to_true(before))[0]).v)
 
 
-KINDS = (InEngine, EngineInstant, Integrated, ByImpulse)
-
-
 def kind_of(model: Model) -> type[ByImpulse]:
     """The kind of the model's contacts."""
-    return next(kind for kind in KINDS if kind.applies_to(model))
+    if model.law.engine:
+        return InEngine if model.is_compliant else EngineInstant
+    return Integrated if model.is_compliant else ByImpulse
 
 
 def bind(model: Model, values: Mapping[str, Any], rig: Rig) -> ByImpulse:
     """Dynamics of the model at these values, numbers or arrays (n,) with one for each body, by its kind of contact."""
     return kind_of(model)(model, values, rig)
+
+
+# how a fit of an integrated contact starts and ends: steps along slopes do not lead everywhere
+
+
+def forerunner(model: Model) -> Model:
+    """A model whose fit finds a start: an integrated contact that takes no time has no slope along its time."""
+    return replace(model, law=replace(model.law, impulse=mirtich.impulse, force=None))
+
+
+def admitted(values: Mapping[str, float]) -> dict[str, float]:
+    """Start values, moved to where there are slopes."""
+    start, ratio = {**values, "tau": max(values["tau"], BRIEF)}, DAMPING_RATIO
+    if start.get(ratio.name, 0.0) > 5.0 * ratio.null:
+        start[ratio.name] = ratio.null  # so strong a damper is rigid friction, whatever the ratio
+    return start
+
+
+def reaches(p: Parameter) -> bool:
+    """Whether a fit comes back from the starts that an effect declares, if they are wrong."""
+    return any(abs(x - p.null) <= FAR * p.scale for x in p.starts)
+
+
+def withdrawn(values: Mapping[str, float]) -> dict[str, float]:
+    """Values to try again from, where a step may have gone too far to come back; {}: none."""
+    # friction so sharp, or damped so strongly, is Coulomb's: there is no slope
+    tolerance, ratio = STICTION_TOLERANCE, DAMPING_RATIO
+    if values.get(tolerance.name, tolerance.null) < 0.5 * tolerance.null:
+        return {tolerance.name: tolerance.null}
+    return {ratio.name: ratio.scale} if values.get(ratio.name, ratio.null) > 2.0 * ratio.null else {}
