@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, fields, replace
+from typing import Self
 
 import numpy as np
 from numpy.polynomial.legendre import leggauss
@@ -39,10 +40,10 @@ class Flights:
     def __len__(self) -> int:
         return len(self.acceleration)
 
-    def select(self, rows: np.ndarray) -> "Flights":
+    def select(self, rows: np.ndarray) -> Self:
         """The flights at `rows`, and those that are not parabolas."""
-        state = self.state.select(rows)
-        return Flights(state, self.acceleration[rows], self.variance[rows], self.span[rows], self.bent)
+        names = (one.name for one in fields(self) if one.name not in ("state", "bent"))
+        return replace(self, state=self.state.select(rows), **{name: getattr(self, name)[rows] for name in names})
 
     @staticmethod
     def joined(parts: "Sequence[Flights]") -> "Flights":
@@ -51,7 +52,7 @@ class Flights:
         arrays = {name: np.concatenate([getattr(part, name) for part in parts]) for name in names}
         return replace(parts[0], state=State.joined([part.state for part in parts]), **arrays)
 
-    def of_trials(self, trials: np.ndarray) -> "Flights":
+    def of_trials(self, trials: np.ndarray) -> Self:
         """The flights of the given trials."""
         found = self.select(np.flatnonzero(np.isin(self.state.trial, trials)))
         return replace(found, bent=self.bent[np.isin(self.bent, trials)])
@@ -103,7 +104,7 @@ class Flights:
             predicted = predicted + np.einsum("nw,nwc->nc", of_square, beyond)
         return self.acceleration - predicted
 
-    def less(self, residuals: np.ndarray) -> "Flights":
+    def less(self, residuals: np.ndarray) -> Self:
         """The same with accelerations that are smaller by (m, 3)."""
         return replace(self, acceleration=self.acceleration - residuals)
 

@@ -31,7 +31,7 @@ from thesis_lib.datasets.flights.parabolas import Hits
 from thesis_lib.datasets.format.header import Header
 from thesis_lib.datasets.format.samples import Samples
 from thesis_lib.datasets.impacts.found import FoundImpacts
-from thesis_lib.datasets.impacts.supports import Supported, find_rests, find_slides, resting_and_sliding
+from thesis_lib.datasets.impacts.supports import find_rests, find_slides, resting_and_sliding
 from thesis_lib.effects.effect import Rig
 from thesis_lib.mechanics.space import SPACE
 from thesis_lib.mechanics.state import State
@@ -41,7 +41,7 @@ _H = 1e-3  # s, for the acceleration that a camera reports: its map is linear in
 
 @dataclass(frozen=True)
 class OnSurface:
-    """m measured states on the surface, and the variance (m, c) of their residuals."""
+    """m measured states on the surface, the variance (m, c) of their residuals, and what else is known of each."""
 
     state: State
     variance: np.ndarray
@@ -54,15 +54,11 @@ class OnSurface:
         """Trial (m,) of each."""
         return self.state.trial
 
-    @classmethod
-    def of(cls, found: Supported) -> Self:
-        """Evidence from what was found in the samples."""
-        return cls(found.state, found.variance)
-
     def of_trials(self, trials: np.ndarray) -> Self:
         """The same for the given trials only."""
         rows = np.flatnonzero(np.isin(self.trial, trials))
-        return replace(self, state=self.state.select(rows), variance=self.variance[rows])
+        arrays = {name: part[rows] for name, part in vars(self).items() if isinstance(part, np.ndarray)}
+        return replace(self, state=self.state.select(rows), **arrays)
 
 
 @dataclass(frozen=True)
@@ -91,15 +87,6 @@ class Slides(OnSurface):
 
     channel = "slide"
 
-    @classmethod
-    def of(cls, found: Supported) -> Self:
-        """Evidence from what was found in the samples."""
-        return cls(found.state, found.variance, found.measured)
-
-    def of_trials(self, trials: np.ndarray) -> Self:
-        """The same for the given trials only."""
-        return replace(super().of_trials(trials), acceleration=self.acceleration[np.isin(self.trial, trials)])
-
     def residuals(self, dynamics: Dynamics) -> np.ndarray:
         """Acceleration measured minus predicted (m, 1) in m/s²."""
         true = dynamics.to_true(self.state)
@@ -108,7 +95,7 @@ class Slides(OnSurface):
         return self.acceleration - ((next(seen_by_camera) - next(seen_by_camera)) / _H)[:, None]
 
     def less(self, residuals: np.ndarray) -> Self:
-        """The same with accelerations that are smaller by (m, 1)."""
+        """The same with accelerations that are smaller by (m, c)."""
         return replace(self, acceleration=self.acceleration - residuals)
 
 
@@ -136,18 +123,10 @@ class SpaceRests(OnSurface):
 
 
 @dataclass(frozen=True)
-class SpaceSlides(OnSurface):
-    """Bodies that slide without turning; `acceleration` (m, 2) along the surface in m/s², over `span` (m,) in s."""
+class SpaceSlides(Slides):
+    """The same in space; `acceleration` (m, 2) along the surface in m/s², over `span` (m,) in s."""
 
-    acceleration: np.ndarray
     span: np.ndarray
-
-    channel = "slide"
-
-    def of_trials(self, trials: np.ndarray) -> Self:
-        """The same for the given trials only."""
-        rows = np.isin(self.trial, trials)
-        return replace(super().of_trials(trials), acceleration=self.acceleration[rows], span=self.span[rows])
 
     def residuals(self, dynamics: Dynamics) -> np.ndarray:
         """Acceleration measured minus predicted (m, 2) in m/s²."""
@@ -157,21 +136,19 @@ class SpaceSlides(OnSurface):
         seen = dynamics.to_measured(later).velocity - dynamics.to_measured(true).velocity
         return self.acceleration - seen[:2].T / _H
 
-    def less(self, residuals: np.ndarray) -> Self:
-        """The same with accelerations that are smaller by (m, 2)."""
-        return replace(self, acceleration=self.acceleration - residuals)
-
-
-KINDS = {"rest": (Rests, find_rests), "slide": (Slides, find_slides)}
-
 
 def supports_of(found: FoundImpacts, header: Header, channels: Sequence[str]) -> tuple[Beside, ...]:
     """The evidence of these `channels` that trajectories hold of a body that falls on one surface."""
     if found.samples is None or header.surfaces is not None or not header.gravity:
         return ()
-    of = (KINDS[name] for name in channels)
-    parts = ((kind, find(found.samples, found.hits, header, found.noise.used)) for kind, find in of)
-    return tuple(kind.of(part) for kind, part in parts if part is not None)
+    parts = []
+    for name in channels:
+        find = find_slides if name == Slides.channel else find_rests
+        one = find(found.samples, found.hits, header, found.noise.used)
+        if one is not None:
+            known = (one.state, one.variance)
+            parts.append(Slides(*known, one.measured) if name == Slides.channel else Rests(*known))
+    return tuple(parts)
 
 
 def supports_in_space(

@@ -22,7 +22,7 @@ that bends faster than T³, other than by a centre of mass at another place, hol
 """
 
 import itertools
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.polynomial.legendre import legvander
@@ -56,11 +56,6 @@ class SpaceFlights(Flights):
     reference: np.ndarray = None  # pyright: ignore[reportAssignmentType]
     of_place: np.ndarray = None  # pyright: ignore[reportAssignmentType]
     of_turn: np.ndarray = None  # pyright: ignore[reportAssignmentType]
-
-    def select(self, rows: np.ndarray) -> "SpaceFlights":
-        """The flights at `rows`, and those that are bent."""
-        names = ("acceleration", "variance", "span", "reference", "of_place", "of_turn")
-        return replace(self, state=self.state.select(rows), **{name: getattr(self, name)[rows] for name in names})
 
     def residuals(self, dynamics: Dynamics) -> np.ndarray:
         """As measured minus as predicted (m, 12), m/s² and rad/s²."""
@@ -203,10 +198,9 @@ def _between(
     """Rows of the flights between hits and above `low`, of at least `SHORTEST` and `MIN_FLIGHT` samples."""
     if not rig.gravity or len(clock) <= MIN_FLIGHT:
         return []
-    down = np.array([0.0, 0.0, -1.0]) if rig.down is None else rig.down
     label, number = np.full(len(clock), -1), hits.before(states.trial, states.t)
     track = follow(clock, states.position.T, rig.gravity, noise)
-    for i, flight in enumerate(find_flights(track, rig.gravity * down)):
+    for i, flight in enumerate(find_flights(track, rig.pull[:, 0])):
         label[flight] = i
     lasts = max(LASTS, guard, float(np.median(np.diff(clock))))
     for hit in (number - 1, number):
