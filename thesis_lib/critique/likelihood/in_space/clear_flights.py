@@ -229,7 +229,12 @@ def jumps(poses: Poses, hits: pd.DataFrame, beside: pd.DataFrame) -> np.ndarray:
 
 def state_under_gravity(windows: SideLines, rig: Rig) -> State:
     """The states at the instants of the windows, under believed gravity."""
-    n = len(windows.value)
-    state = State.of(windows.value[:, 0], windows.slope[:, 0], np.zeros(n), np.zeros(n), None, rig.space)
-    a, (b_0, b_1) = rig.fall(state)[:3], windows.bow[:, 0].T
-    return state.changed(position=state.position - a * b_0, velocity=state.velocity - a * b_1)
+    none = np.zeros(len(windows.value))
+    state = State.of(windows.value[:, 0], windows.slope[:, 0], none, none, None, rig.space)
+    return under_gravity(state, windows.bow[:, 0], rig)
+
+
+def under_gravity(lines: State, bow: np.ndarray, rig: Rig) -> State:
+    """Poses and motions of lines (`lines`) with a bow (n, 2), under the believed acceleration."""
+    a, (b_0, b_1) = rig.fall(lines)[:3], bow.T
+    return lines.changed(position=lines.position - a * b_0, velocity=lines.velocity - a * b_1)

@@ -8,7 +8,7 @@ import pandas as pd
 
 from thesis_lib.bodies.solids import Sphere
 from thesis_lib.critique.likelihood.flights import Flights
-from thesis_lib.critique.likelihood.in_space.clear_flights import Poses, jumps, seen_beside
+from thesis_lib.critique.likelihood.in_space.clear_flights import Poses, jumps, seen_beside, under_gravity
 from thesis_lib.critique.likelihood.in_space.episodes import ELSEWHERE, OFF_SURFACE, add_episodes
 from thesis_lib.critique.likelihood.in_space.flights import flights_in_space
 from thesis_lib.critique.likelihood.in_space.ground import of_shape
@@ -16,7 +16,7 @@ from thesis_lib.critique.likelihood.in_space.instants import FoundHits, between_
 from thesis_lib.critique.likelihood.in_space.lag import lag_warning
 from thesis_lib.critique.likelihood.in_space.left_out import hops_unseen, rolls
 from thesis_lib.critique.likelihood.in_space.recording import TossRecording
-from thesis_lib.critique.likelihood.observations import Observations
+from thesis_lib.critique.likelihood.observations import Observations, single_hits
 from thesis_lib.critique.likelihood.supports import supports_in_space
 from thesis_lib.datasets.flights.beside_hits import fit_windows
 from thesis_lib.datasets.flights.lines import SideLines
@@ -240,15 +240,11 @@ class Observed:
         return Observations(
             rig=replace(recording.rig, recorded=WholeTosses.of(recording.states, found.trial, self.since)),
             trial=found.trial[rows],
-            surface=np.zeros(len(rows), int),
             impact=impact[rows],
-            hits=np.ones(len(rows), int),
             t=self.since[rows],
-            span=np.zeros(len(rows)),
+            **single_hits(len(rows), SPACE) | {"t_std": found.t_std[rows]},
             **{name: getattr(windows.fitted, name)[kept] for name in ("value", "slope", "bow", "nodes", "weights")},
             cov=windows.fitted.cov[kept] * np.outer(sigma, sigma),
-            t_std=found.t_std[rows],
-            offset=np.zeros((len(rows), 3)),
             arcs=True,
             flights=self.flights,
             supports=supports,
@@ -281,12 +277,6 @@ def _touching(gap: np.ndarray) -> tuple[float, float]:
         return -np.inf, -np.inf
     middle, spread = float(np.median(gap)), SPREAD * float(robust_std(gap - np.median(gap)))
     return middle - spread, middle + spread
-
-
-def under_gravity(lines: State, bow: np.ndarray, rig: Rig) -> State:
-    """Poses and motions of lines (`lines`) with a bow (n, 2), under the believed acceleration."""
-    a, (b_0, b_1) = rig.fall(lines)[:3], bow.T
-    return lines.changed(position=lines.position - a * b_0, velocity=lines.velocity - a * b_1)
 
 
 def contact_velocity(state: State, rig: Rig) -> np.ndarray:
