@@ -399,6 +399,22 @@ class Effect:
         return None
 
 
+class CameraEffect(Effect):
+    """A fault of the measurement that is undone by the same map with the other sign."""
+
+    family: Family = "measurement"
+
+    def to_true(self, state: State, p: Parameters, rig: Rig) -> State:
+        return self.seen(state, p, -1.0, rig)
+
+    def to_measured(self, state: State, p: Parameters, rig: Rig) -> State:
+        return self.seen(state, p, 1.0, rig)
+
+    def seen(self, state: State, p: Parameters, way: float, rig: Rig) -> State:
+        """Measured state of a true one where `way` is 1, true state behind a measured one where it is −1."""
+        raise NotImplementedError
+
+
 def parameters_in(effect: Effect, space: Space) -> tuple[Parameter, ...]:
     """The parameters of the effect, those that are vectors with a component for each axis of the space."""
     if space.is_plane or effect.own_in_space:
