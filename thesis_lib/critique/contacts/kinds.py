@@ -22,7 +22,7 @@ from thesis_lib.critique.contacts.contact_time import DAMPING_RATIO, STICTION_TO
 from thesis_lib.critique.contacts.dynamics import Dynamics
 from thesis_lib.critique.contacts.engine_contact import press_in_engine
 from thesis_lib.critique.contacts.engine_in_space import in_engine
-from thesis_lib.critique.contacts.episodes import MOST_HITS, contact, play
+from thesis_lib.critique.contacts.episodes import MOST_HITS, Played, contact
 from thesis_lib.critique.contacts.model import Model
 from thesis_lib.critique.contacts.pressing import press
 from thesis_lib.effects.effect import Parameter, Rig
@@ -90,7 +90,7 @@ class ByImpulse(Dynamics):
 
     def end(self, before: State, span: np.ndarray, single: bool = False) -> State:
         """Measured states (n,) `span` (n,) in s after measured states at the first touch; `single`: of one hit."""
-        return self.to_measured(play(self, self.to_true(before), span, 1 if single else MOST_HITS).after)
+        return self.to_measured(Played(self, self.to_true(before), span, 1 if single else MOST_HITS).after)
 
     def off(self, touch: State) -> State:
         """True states at the end of contacts that take time, from true states at their touch (`episodes.contact`)."""
