@@ -26,7 +26,6 @@ from thesis_lib.contact.bounds import best_post_hoc
 from thesis_lib.critique.drops.criticise import DropsCritique, irb_errors
 from thesis_lib.critique.drops.features import features
 from thesis_lib.critique.drops.few_impacts import FewImpacts
-from thesis_lib.critique.drops.planar.of_the_plane import of_the_plane
 from thesis_lib.critique.drops.planar.unknown_spin import what_is_left
 from thesis_lib.critique.drops.questions.class_tests import velocities
 from thesis_lib.critique.drops.questions.flight_residuals import flight_table
@@ -148,9 +147,13 @@ def ladder(critique: DropsCritique, rng: np.random.Generator) -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
-@of_the_plane(pd.DataFrame)
 def impacts(o: Observations, held_out: np.ndarray) -> pd.DataFrame:
-    """Impacts used, with covariance, and those left out, with the reason; `held_out`: trials that no choice saw."""
+    """Impacts used, with covariance, and those left out, with the reason; `held_out`: trials that no choice saw.
+
+    Empty in space.
+    """
+    if not o.space.is_plane:
+        return pd.DataFrame()
     used = o.found.impacts.to_table().assign(hits=1, span=0.0, used=1, reason="", detail="")
     rows = np.flatnonzero(o.span)
     if len(rows):

@@ -25,7 +25,6 @@ from matplotlib.ticker import MaxNLocator
 from thesis_lib.contact.space import contact_space, energy_ellipse, measured_impulse, velocity_error
 from thesis_lib.critique.drops.criticise import DropsCritique
 from thesis_lib.critique.drops.features import features
-from thesis_lib.critique.drops.planar.of_the_plane import of_the_plane
 from thesis_lib.critique.drops.planar.unknown_spin import velocity_left
 from thesis_lib.critique.drops.questions.class_tests import velocities
 from thesis_lib.critique.likelihood.fit import Fit
@@ -49,12 +48,13 @@ COLORS = matplotlib.colormaps["cividis_r"]
 SHADES = 32  # of these that the script has
 
 
-@of_the_plane(Markup)
 def explorer(critique: DropsCritique, where: Mapping, choices: Sequence[Choice] = ()) -> Markup:
-    """Map of the impacts and the panel of one energy ellipse; empty if no impact has a prediction.
+    """Map of the impacts and the panel of one energy ellipse; empty if no impact has a prediction, and in space.
 
     With `choices` the reader switches effects on and off, and sees what is left of the errors.
     """
+    if not critique.space.is_plane:
+        return Markup()
     o, base, final = critique.observations.single, critique.ladder[0][1], critique.ladder[-1][1]
     residuals = {"base": velocity_left(base.on(o))}
     if len(critique.ladder) > 1:
