@@ -91,10 +91,6 @@ class Whitening:
         """Whitened residuals, as a call gives them, for each of several sets of values."""
         return together([(self, points)])[0]
 
-    def at_impact(self, values: Mapping[str, float]) -> tuple:
-        """Values on which the states at impact and the flights depend."""
-        return tuple(values[name] for name in self.model.flight_parameters)
-
     def stacked(self, values: Mapping[str, float]) -> np.ndarray:
         """All whitened residuals as one vector (N,), impacts first."""
         return np.concatenate([part.ravel() for part in self(values)])
@@ -176,7 +172,9 @@ def _beside(requests: Sequence[Request]) -> dict[tuple[int, int], OfFlights]:
 
     Those that are not kept are found in one call, as the impacts are.
     """
-    keys = {(i, k): (i, w.at_impact(at)) for i, (w, points) in enumerate(requests) for k, at in enumerate(points)}
+    keys = {}  # values on which the states at impact and the flights depend
+    for i, (w, points) in enumerate(requests):
+        keys |= {(i, k): (i, tuple(at[p] for p in w.model.flight_parameters)) for k, at in enumerate(points)}
     known: dict[tuple, OfFlights] = {}
     missing: dict[tuple, tuple] = {}
     for (i, k), key in keys.items():

@@ -79,8 +79,9 @@ class Poses:
             bend: (n, W) what a line leaves of τ²/2.
         """
         n, r = len(rows), self.rig.lowest(state)
+        units = np.repeat(np.eye(3)[..., None], n, axis=2)  # one after the other
         turning = mobility(SPACE, np.asarray(self.rig.tensor), state.attitude)
-        by_force = [np.concatenate([f, np.einsum("ijn,jn->in", turning, cross(r, f))]).T for f in _units(n)]
+        by_force = [np.concatenate([f, np.einsum("ijn,jn->in", turning, cross(r, f))]).T for f in units]
         change = np.stack(by_force, axis=2)  # (n, 6, 3): accelerations by forces
         seen = change / np.repeat(self.noise, 3)[:, None]
         pull = np.einsum("nik,nw,nwi->nk", seen, bend, left)
@@ -98,11 +99,6 @@ class Poses:
             cov=fitted.cov + unknown,
         )
         return fitted, 2.0 * (force * pull).sum(axis=1) - np.einsum("nk,nkl,nl->n", force, known, force)
-
-
-def _units(n: int) -> np.ndarray:
-    """Unit vectors (3, 3, n), one after the other."""
-    return np.repeat(np.eye(3)[..., None], n, axis=2)
 
 
 @dataclass(frozen=True)

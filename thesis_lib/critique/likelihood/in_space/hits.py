@@ -89,7 +89,8 @@ def _looked(recording: TossRecording) -> "Observed | Known":
     lag = lag_of_attitudes(windows.fitted, REST if known.lags else LATE) if has_angle else 0.0
     if known.is_late(lag, settings.guard):
         return known.with_lag(lag, interval)
-    off = off_free_motion(windows.fitted, windows.pose, windows.tau, windows.used, recording.G, gravity, noise, lag)
+    G = np.asarray(recording.rig.tensor)
+    off = off_free_motion(windows.fitted, windows.pose, windows.tau, windows.used, G, gravity, noise, lag)
     another, grown, slack = has_another_hit(*off)
     windows.leave_out(another, "second_hit")
     seen = Observed(recording, settings, noise, found, windows, grown, slack, lag, rounded)

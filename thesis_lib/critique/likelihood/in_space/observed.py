@@ -66,7 +66,8 @@ class HitWindows:
         index = np.clip(at[rows, None] + reach, 0, len(found.samples) - 1)
         pose, tau = np.moveaxis(recording.states.pose[:, index], 0, -1), windows.t[rows] - found.t[rows, None]
         used = side[rows] > 0.0
-        return cls(reason, rows, index, pose, tau, used, fit_windows(pose, tau, used, recording.G, noise))
+        fitted = fit_windows(pose, tau, used, np.asarray(recording.rig.tensor), noise)
+        return cls(reason, rows, index, pose, tau, used, fitted)
 
     @property
     def usable(self) -> np.ndarray:
@@ -157,12 +158,20 @@ class Observed:
 
     @cached_property
     def approach(self) -> np.ndarray:
-        return approach_speed(self.touching, self.recording.rig)
+        """|v_n|/√K_nn in m/s of their contact points."""
+        state, rig = self.touching, self.recording.rig
+        of_turns = mobility(SPACE, np.asarray(rig.tensor), state.attitude)
+        at = contact_at(SPACE, state.velocity, state.spin, rig.lowest(state), of_turns)
+        return np.abs(at.v_n) / np.sqrt(at.K_nn)
 
     @cached_property
     def heights(self) -> tuple[float, float]:
-        """Lowest and highest gap in m at which bodies touch."""
-        return _touching(self.off_by[self.windows.usable])
+        """Lowest and highest gap in m at which bodies touch, by the geometry that is believed."""
+        gap = self.off_by[self.windows.usable]
+        if not len(gap):
+            return -np.inf, -np.inf
+        middle, spread = float(np.median(gap)), SPREAD * float(robust_std(gap - np.median(gap)))
+        return middle - spread, middle + spread
 
     @cached_property
     def hits(self) -> Hits:
@@ -271,21 +280,6 @@ class Observed:
         return add_episodes(self.single(), self.poses, self.table, beside_single, self.nearby, self.heights)
 
 
-def _touching(gap: np.ndarray) -> tuple[float, float]:
-    """Lowest and highest gap in m at which the body touches, of gaps (n,) at hits by the geometry that is believed."""
-    if not len(gap):
-        return -np.inf, -np.inf
-    middle, spread = float(np.median(gap)), SPREAD * float(robust_std(gap - np.median(gap)))
-    return middle - spread, middle + spread
-
-
 def contact_velocity(state: State, rig: Rig) -> np.ndarray:
     """Velocity (3, n) in m/s of the lowest point of the believed body."""
     return SPACE.velocity_at(state.velocity, state.spin, rig.lowest(state))
-
-
-def approach_speed(state: State, rig: Rig) -> np.ndarray:
-    """|v_n|/√K_nn (n,) in m/s of the contact points of believed bodies."""
-    of_turns = mobility(SPACE, np.asarray(rig.tensor), state.attitude)
-    at = contact_at(SPACE, state.velocity, state.spin, rig.lowest(state), of_turns)
-    return np.abs(at.v_n) / np.sqrt(at.K_nn)
