@@ -179,7 +179,7 @@ class Rig:
         """Gap φ_n (n,) in m between the believed shape and the believed surface."""
         if self.tensor is None:
             return self.shape.gap(state.y, state.theta, self.height)
-        return state.height + self.shape.lowest(state.attitude)[-1] - self.height
+        return state.height + self.lowest(state)[-1] - self.height
 
     def lever(self, state: State) -> np.ndarray:
         """From the centre of mass to the tracked point (d, n) in m, as the body is believed to lie in `state`."""

@@ -26,7 +26,7 @@ import numpy as np
 from thesis_lib.bodies.solids import UP
 from thesis_lib.bodies.symmetry import Symmetry
 from thesis_lib.critique.contacts.dynamics import Dynamics
-from thesis_lib.critique.likelihood.beside import Beside
+from thesis_lib.critique.likelihood.beside import Accelerations, Beside
 from thesis_lib.datasets.flights.parabolas import Hits
 from thesis_lib.datasets.format.header import Header
 from thesis_lib.datasets.format.samples import Samples
@@ -40,29 +40,7 @@ _H = 1e-3  # s, for the acceleration that a camera reports: its map is linear in
 
 
 @dataclass(frozen=True)
-class OnSurface:
-    """m measured states on the surface, the variance (m, c) of their residuals, and what else is known of each."""
-
-    state: State
-    variance: np.ndarray
-
-    def __len__(self) -> int:
-        return len(self.variance)
-
-    @property
-    def trial(self) -> np.ndarray:
-        """Trial (m,) of each."""
-        return self.state.trial
-
-    def of_trials(self, trials: np.ndarray) -> Self:
-        """The same for the given trials only."""
-        rows = np.flatnonzero(np.isin(self.trial, trials))
-        arrays = {name: part[rows] for name, part in vars(self).items() if isinstance(part, np.ndarray)}
-        return replace(self, state=self.state.select(rows), **arrays)
-
-
-@dataclass(frozen=True)
-class Rests(OnSurface):
+class Rests(Beside):
     """Bodies that lie still."""
 
     channel = "rest"
@@ -80,10 +58,8 @@ class Rests(OnSurface):
 
 
 @dataclass(frozen=True)
-class Slides(OnSurface):
+class Slides(Accelerations):
     """Bodies that slide without turning; `acceleration` (m, 1) along the surface in m/s²."""
-
-    acceleration: np.ndarray
 
     channel = "slide"
 
@@ -94,18 +70,15 @@ class Slides(OnSurface):
         seen_by_camera = (dynamics.to_measured(state).vx for state in (later, true))
         return self.acceleration - ((next(seen_by_camera) - next(seen_by_camera)) / _H)[:, None]
 
-    def less(self, residuals: np.ndarray) -> Self:
-        """The same with accelerations that are smaller by (m, c)."""
-        return replace(self, acceleration=self.acceleration - residuals)
-
 
 @dataclass(frozen=True)
-class SpaceRests(OnSurface):
+class SpaceRests(Beside):
     """Bodies that lie still, of one solid."""
 
     symmetry: Symmetry
 
     channel = "rest"
+    of_all = ("symmetry",)
 
     def residuals(self, dynamics: Dynamics) -> np.ndarray:
         """Gap in m and turns in rad (m, 3)."""

@@ -18,7 +18,6 @@ from scipy.special import gammaln
 
 from thesis_lib.critique.contacts.kinds import bind, kind_of
 from thesis_lib.critique.contacts.model import Model
-from thesis_lib.critique.likelihood.beside import whitened
 from thesis_lib.critique.likelihood.comparison import SHARED, Comparison
 from thesis_lib.critique.likelihood.levenberg_marquardt import Weighted
 from thesis_lib.critique.likelihood.observations import Observations
@@ -135,7 +134,7 @@ def together(requests: Sequence[Request]) -> list[list[Parts]]:
 
     def all_parts(i: int, k: int, w: Whitening, values: Mapping[str, float]) -> Parts:
         o = w.observations
-        supports = (whitened(beside, bind(w.model, values, o.rig)) for beside in o.supports)
+        supports = (beside.whitened(bind(w.model, values, o.rig)) for beside in o.supports)
         return (w._inverse @ found[i, k][:, :, None])[:, :, 0], flights[i, k][1], *supports
 
     return [[all_parts(i, k, w, at) for k, at in enumerate(points)] for i, (w, points) in enumerate(requests)]
@@ -189,7 +188,7 @@ def _beside(requests: Sequence[Request]) -> dict[tuple[int, int], OfFlights]:
         of_all = parts[0] if len(parts) == 1 else parts[0].followed_by(parts[1:])
         model, sizes, of_flights = whitenings[0].model, [len(o) for o in parts], [len(o.flights) for o in parts]
         here = Comparison(model, _by_impact(points, sizes), of_all)
-        z = whitened(of_all.flights, bind(model, _by_impact(points, of_flights), of_all.rig))
+        z = of_all.flights.whitened(bind(model, _by_impact(points, of_flights), of_all.rig))
         ends, ends_of_flights = np.cumsum(sizes), np.cumsum(of_flights)
         for one, end, n, last, m in zip(alike, ends, sizes, ends_of_flights, of_flights):
             rows = np.arange(end - n, end)

@@ -53,9 +53,9 @@ FREE, TERMS, ALL = 2, 4, 6  # terms of a place: those of a free start, with thos
 class SpaceFlights(Flights):
     """m flights in space; see the module's table.  `variance` (m, 12), the components are independent."""
 
-    reference: np.ndarray = None  # pyright: ignore[reportAssignmentType]
-    of_place: np.ndarray = None  # pyright: ignore[reportAssignmentType]
-    of_turn: np.ndarray = None  # pyright: ignore[reportAssignmentType]
+    reference: np.ndarray
+    of_place: np.ndarray
+    of_turn: np.ndarray
 
     def residuals(self, dynamics: Dynamics) -> np.ndarray:
         """As measured minus as predicted (m, 12), m/s² and rad/s²."""
@@ -159,13 +159,13 @@ def flights_in_space(
     )
     found = SpaceFlights(
         state,
-        _terms(of_place, turning.weights, place, turning.turns),
         variance,
+        _terms(of_place, turning.weights, place, turning.turns),
         samples.span,
-        trial[bent],
         turning.reference,
         samples.at_course(of_place),
         samples.at_course(turning.weights),
+        bent=trial[bent],
     )
     return found.select(np.flatnonzero(~bent))
 
