@@ -3,8 +3,7 @@
 | kind            | of a law                                    | a single hit                                        |
 |-----------------|---------------------------------------------|-----------------------------------------------------|
 | `ByImpulse`     | any                                         | its impulse where the arcs meet; the pose stays     |
-| `Integrated`    | with a force, where contacts take time      | its force, from touch until the body is off         |
-| `InEngine`      | that is an engine, where contacts take time | the engine's, from touch until the body is off      |
+| `Integrated`    | with a force, where contacts take time      | its force, or its engine, from touch until it is off |
 | `EngineInstant` | that is an engine, where they take none     | the engine's of impacts as stated, else `ByImpulse` |
 
 What is not one hit is played (`episodes`): the hits of an episode in turn, with flight between; corners that press at
@@ -58,7 +57,10 @@ class ByImpulse(Dynamics):
     """Single hits by the law's impulse; the base of all kinds."""
 
     def press(self, true: State, left: np.ndarray | float = 0.0) -> tuple[State, np.ndarray]:
-        return press(self, true, left)
+        in_an_engine = bool(self.model.law.engine)
+        if in_an_engine and true.space.is_plane:
+            return press_in_engine(self, true)
+        return press(self, true, left, in_engine if in_an_engine else None)
 
     def stated(self, before: State, offset: np.ndarray) -> Prediction:
         """Of impacts that are stated with the velocities before and after, at one pose; `offset` as in `predict`."""
@@ -98,22 +100,13 @@ class ByImpulse(Dynamics):
 
 
 class Integrated(ByImpulse):
-    """Contacts integrated under the law's force."""
+    """Contacts integrated under the law's force, or as a physics engine has them."""
 
     integrated = True
 
 
-class InEngine(Integrated):
-    """Contacts as a physics engine has them."""
-
-    def press(self, true: State, left: np.ndarray | float = 0.0) -> tuple[State, np.ndarray]:
-        return press_in_engine(self, true) if true.space.is_plane else press(self, true, left, in_engine)
-
-
 class EngineInstant(ByImpulse):
     """An engine where contacts are taken as instants."""
-
-    press = InEngine.press
 
     def stated(self, before: State, offset: np.ndarray) -> Prediction:
         return Prediction(self.to_measured(self.press(self.to_true(before))[0]).v)
@@ -121,9 +114,9 @@ class EngineInstant(ByImpulse):
 
 def kind_of(model: Model) -> type[ByImpulse]:
     """The kind of the model's contacts."""
-    if model.law.engine:
-        return InEngine if model.is_compliant else EngineInstant
-    return Integrated if model.is_compliant else ByImpulse
+    if model.is_compliant:
+        return Integrated
+    return EngineInstant if model.law.engine else ByImpulse
 
 
 def bind(model: Model, values: Mapping[str, Any], rig: Rig) -> ByImpulse:
