@@ -380,12 +380,8 @@ class Dynamics:
         )
         return State(pose, motion, end.trial, t, end.surface, end.space)
 
-    def arc(self, tau: np.ndarray, measured: State) -> np.ndarray | None:
+    def arc(self, tau: np.ndarray, true: State) -> np.ndarray | None:
         """True flight paths (n, W, 3) less parabolas, at times τ (n, W) in s; None if no effect bends them."""
-        return self._true_arc(tau, self.to_true(measured))
-
-    def _true_arc(self, tau: np.ndarray, true: State) -> np.ndarray | None:
-        """As `arc`, from a true state."""
         parts = [part for effect, p in self.active if (part := effect.arc(tau, true, p, self.flying)) is not None]
         return np.moveaxis(sum(parts[1:], parts[0]), 0, -1) if parts else None
 
@@ -424,7 +420,7 @@ class Dynamics:
 
     def _beyond(self, tau: np.ndarray, true: State, a: np.ndarray | None) -> np.ndarray | None:
         """Paths (n, W, d + turns) of true states less those of a constant acceleration a, at times τ (n, W) in s."""
-        beyond = self._true_arc(tau, true)
+        beyond = self.arc(tau, true)
         if a is not None and self.model.has_varying_flight:
             early, late = (self.true_acceleration(true.with_velocity(true.v + h * a)) for h in (-_H_PATH, _H_PATH))
             cubic = tau[..., None] ** 3 / 6.0 * (late - early)[:, None] / (2.0 * _H_PATH)

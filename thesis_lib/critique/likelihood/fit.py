@@ -15,7 +15,7 @@ import numpy as np
 from thesis_lib.critique.contacts.contact_time import CONTACT_TIME
 from thesis_lib.critique.contacts.kinds import BRIEF, admitted, forerunner, kind_of, reaches, withdrawn
 from thesis_lib.critique.contacts.model import Model, inward
-from thesis_lib.critique.likelihood.bounds import Bound, doubtful, profiled, slip_is_known
+from thesis_lib.critique.likelihood.bounds import SLOPE_STEP, Bound, doubtful, profiled, slip_is_known
 from thesis_lib.critique.likelihood.comparison import Comparison
 from thesis_lib.critique.likelihood.levenberg_marquardt import ENOUGH, NEAR, levenberg_marquardt
 from thesis_lib.critique.likelihood.observations import Observations
@@ -35,7 +35,6 @@ from thesis_lib.foundation.errors import UserError
 
 ROUNDS = 3  # of S, σ_m and weights; the third moves parameters by less than a tenth of their standard error
 MOST_TRIES = 4  # starts of a fit; of a discrete parameter each of its values, in space those that begin best
-SLOPE_STEP = 1e-3  # of a parameter's scale: finite differences
 # times that, of contacts in space that take time, at first: narrow differences see the jumps of single episodes, where
 # one more corner hits, and no slope.  The first is a fifth of a parameter's scale
 WIDER = (200.0, 40.0, 8.0)

@@ -83,7 +83,7 @@ class Flights(Accelerations):
                 h = 0.5 * node * span
                 later = state.with_velocity(speed + h * first + 0.5 * h**2 * jerk)
                 predicted = predicted + weight * dynamics.acceleration(later)
-        beyond = dynamics.arc(tau, state)
+        beyond = dynamics.arc(tau, dynamics.to_true(state))
         if beyond is not None:
             # curvature of the parabola through the path's deviation from constant acceleration
             predicted = predicted + np.einsum("nw,nwc->nc", of_square, beyond)
