@@ -16,16 +16,15 @@ is believed to be, while a marker takes it along: the contact has the believed l
 D_y.  A marker frame that is turned is an angle_offset.
 """
 
-from thesis_lib.effects.effect import IN_SPACE, CameraEffect, Parameter, along_axes
+from thesis_lib.effects.effect import IN_SPACE, CameraEffect, Parameter, along_axes, components
 
 
 class MarkerOffset(CameraEffect):
     name = "marker_offset"
     title = "marker off the centre"
     equation = "x_measured = x + R(θ) d"
-    parameters = (
-        Parameter("d_x", "m", null=0.0, low=-0.05, high=0.05, scale=5e-4, starts=(0.0,)),
-        Parameter("d_y", "m", null=0.0, low=-0.05, high=0.05, scale=5e-4, starts=(0.0,)),
+    parameters = components(
+        Parameter("d", "m", null=0.0, low=-0.05, high=0.05, scale=5e-4, starts=(0.0,)), ("d_x", "d_y")
     )
     channels = ("impact", "touch", "flight")
     needs_angle = True
