@@ -1,1 +1,1 @@
-"""Questions for motions in a plane only: a spin that nobody measured, and bodies told apart by two sets of heights."""
+"""Questions for motions in a plane only: the friction of a table, and bodies told apart by two sets of heights."""
