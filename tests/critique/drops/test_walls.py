@@ -7,8 +7,8 @@ from thesis_lib.contact import mirtich
 from thesis_lib.critique import criticise
 from thesis_lib.critique.contacts.model import Model
 from thesis_lib.critique.drops.criticise import criticise_drops
-from thesis_lib.critique.drops.planar.sliding import TABLE
 from thesis_lib.critique.drops.settings import CritiqueSettings
+from thesis_lib.critique.drops.sliding import TABLE
 from thesis_lib.critique.drops.world import Drops
 from thesis_lib.critique.export.export import exported
 from thesis_lib.critique.likelihood.comparison import Comparison

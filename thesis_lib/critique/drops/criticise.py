@@ -18,8 +18,8 @@ from thesis_lib.critique.drops.elsewhere import HitsElsewhere, hits_elsewhere
 from thesis_lib.critique.drops.features import remaining
 from thesis_lib.critique.drops.few_impacts import too_few
 from thesis_lib.critique.drops.judgement import Judgement
+from thesis_lib.critique.drops.one_body import refuse_what_is_not_one_body
 from thesis_lib.critique.drops.own_restitution import own_restitution
-from thesis_lib.critique.drops.planar.one_body import refuse_what_is_not_one_body
 from thesis_lib.critique.drops.settings import CritiqueSettings
 from thesis_lib.critique.drops.stand_ins import StandIn, stand_ins
 from thesis_lib.critique.drops.unpredictable import predictable

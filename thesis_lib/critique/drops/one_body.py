@@ -22,7 +22,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from thesis_lib.bodies.shapes import Polygon
-from thesis_lib.critique.drops.planar.settings import OneBody
+from thesis_lib.critique.drops.settings import OneBody
 from thesis_lib.critique.likelihood.observations import Observations
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.statistics.spread import robust_std
