@@ -7,7 +7,7 @@ from scipy.spatial.transform import Rotation
 
 from thesis_lib.mechanics.free_motion import MOST_STEPS, attitudes, columns, flown
 from thesis_lib.mechanics.inertia import in_world
-from thesis_lib.mechanics.space import PLANE, SPACE
+from thesis_lib.mechanics.space import SPACE
 from thesis_lib.mechanics.turning import ORDER
 
 INTEGRATED = 1e-10  # rad, after a turn or two
@@ -137,58 +137,27 @@ def test_the_centre_of_mass_flies_a_parabola(start):
         np.testing.assert_allclose(flight.motion[:3, k], motion[:3] + t * a, atol=1e-14)
 
 
-def test_a_flight_in_the_plane_is_one_in_space(rng):
-    pose, motion = rng.standard_normal((3, N)), rng.standard_normal((3, N)) * [[1.0], [1.0], [10.0]]
-    plane = flown(pose, motion, 2e-4, np.array([[0.0], [-9.81]]), TAU)
-    zero = np.zeros(N)
-    # the plane's y is the height; counter-clockwise in it is a turn about −y
-    lifted = np.stack([pose[0], zero, pose[1], np.cos(pose[2] / 2), zero, -np.sin(pose[2] / 2), zero])
-    moving = np.stack([motion[0], zero, motion[1], zero, -motion[2], zero])
-    space = flown(lifted, moving, np.diag([1e-4, 2e-4, 2.5e-4]), np.array([[0.0], [0.0], [-9.81]]), TAU)
-    np.testing.assert_allclose(space.pose[[0, 2]], plane.pose[:2], atol=1e-14)
-    theta = plane.pose[2]
-    zero = np.zeros_like(theta)
-    assert away(space.pose[3:], np.stack([np.cos(theta / 2), zero, -np.sin(theta / 2), zero])) <= 1e-12
-
-
 # --- columns ---
 
 
-def test_columns_in_space_are_the_derivatives_of_the_flight(start):
-    pose, motion = start
-    a = np.array([[0.0], [0.0], [-9.81]])
-    matrix = columns(pose, motion, G, TAU).matrix()
-    assert matrix.shape == (6, 15, len(TAU), N)
+def test_columns_are_the_derivatives_of_the_turns(start):
+    q, w = start[0][3:], start[1][3:]
+    found = columns(q, w, G, TAU)
+    assert found.shape == (3, 6, len(TAU), N)
     # a spin of 1 rad/s counts little in a tenth of a second
-    size = np.where((np.arange(15) >= 9) & (np.arange(15) < 12), 1e-3, 1e-5)
-    changes = np.repeat(np.concatenate([np.diag(size), -np.diag(size)], axis=1), N, axis=1)  # (15, 30 N), a body each
-    started = SPACE.shift(np.tile(pose, 30), changes[:6])
-    flight = flown(started, np.tile(motion, 30) + changes[6:12], G, a + changes[12:], TAU)
-    above, below = flight.pose.reshape(7, len(TAU), 2, 15 * N).transpose(2, 0, 1, 3).reshape(2, 7, -1)
-    slope = SPACE.difference(above, below).reshape(6, len(TAU), 15, N).transpose(0, 2, 1, 3) / (
-        2.0 * size[:, None, None]
-    )
-    np.testing.assert_allclose(matrix, slope, rtol=DIFFERENCED, atol=DIFFERENCED)
+    size = np.repeat([1e-5, 1e-3], 3)
+    changes = np.repeat(np.concatenate([np.diag(size), -np.diag(size)], axis=1), N, axis=1)  # (6, 12 N), a body each
+    turned = SPACE.attitude_after(np.tile(q, 12), changes[:3])
+    ends, _ = attitudes(turned, np.tile(w, 12) + changes[3:], G, TAU)
+    above, below = ends.reshape(4, len(TAU), 2, 6 * N).transpose(2, 0, 1, 3).reshape(2, 4, -1)
+    slope = SPACE.turn_between(below, above).reshape(3, len(TAU), 6, N).transpose(0, 2, 1, 3)
+    np.testing.assert_allclose(found, slope / (2.0 * size[:, None, None]), rtol=DIFFERENCED, atol=DIFFERENCED)
 
 
 def test_columns_of_a_body_that_does_not_turn_grow_with_time():
-    pose, tau = np.array([[0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0]]).T, np.array([-0.1, 0.0, 0.3])
-    found = columns(pose, np.zeros((6, 1)), np.diag([1e-3, 2e-3, 2.5e-3]), tau).matrix()[3:, 9:12, :, 0]
+    q, tau = np.array([[1.0, 0.0, 0.0, 0.0]]).T, np.array([-0.1, 0.0, 0.3])
+    found = columns(q, np.zeros((3, 1)), np.diag([1e-3, 2e-3, 2.5e-3]), tau)[:, 3:, :, 0]
     np.testing.assert_allclose(found, np.eye(3)[:, :, None] * tau, atol=1e-12)
-
-
-def test_columns_in_the_plane_are_powers_of_time(rng):
-    pose, motion = rng.standard_normal((2, 3, N))
-    found = columns(pose, motion, 1e-4, TAU)
-    assert found.by_spin is None and found.place.shape == (3, len(TAU), N)
-    matrix = found.matrix()
-    change = rng.standard_normal((8, N))
-    a = np.array([[0.0], [-9.81]])
-    before, after = (
-        flown(pose + share * change[:3], motion + share * change[3:6], 1e-4, a + share * change[6:], TAU).pose
-        for share in (0.0, 1.0)
-    )
-    np.testing.assert_allclose(PLANE.difference(after, before), np.einsum("ijkn,jn->ikn", matrix, change), atol=1e-12)
 
 
 def test_regression_on_the_columns_finds_the_spin_before_an_impact(rng):
@@ -206,15 +175,12 @@ def test_regression_on_the_columns_finds_the_spin_before_an_impact(rng):
     measured, _ = attitudes(q, w, box, tau)
     noise = sigma * rng.standard_normal((3, 25, n))
     measured = SPACE.attitude_after(measured.reshape(4, -1), noise.reshape(3, -1)).reshape(measured.shape)
-    still = np.zeros((3, n))
     # believed: off by 1 rad/s and 0.02 rad
     q_0, w_0 = SPACE.attitude_after(q, 0.02 * rng.standard_normal((3, n))), w + rng.standard_normal((3, n))
     for _ in range(3):
-        pose, motion = np.concatenate([still, q_0]), np.concatenate([still, w_0])
-        believed = flown(pose, motion, box, still, tau).pose[3:]
+        believed, _ = attitudes(q_0, w_0, box, tau)
         off = SPACE.turn_between(believed.reshape(4, -1), measured.reshape(4, -1)).reshape(3, 25, n)
-        by = columns(pose, motion, box, tau)
-        A = np.concatenate([by.by_attitude, by.by_spin], axis=1).transpose(3, 2, 0, 1).reshape(n, 75, 6)
+        A = columns(q_0, w_0, box, tau).transpose(3, 2, 0, 1).reshape(n, 75, 6)
         b = off.transpose(2, 1, 0).reshape(n, 75, 1)
         change = np.linalg.solve(A.mT @ A, A.mT @ b)
         q_0, w_0 = SPACE.attitude_after(q_0, change[:, :3, 0].T), w_0 + change[:, 3:, 0].T

@@ -14,8 +14,6 @@ therefore lies beyond the edge on its own side, and s = −sign(c_t of the stick
 Source: Anitescu and Potra, Nonlinear Dynamics 14 (1997), doi:10.1023/A:1008292328909; thesis section 3.3.2.
 """
 
-from types import MappingProxyType
-
 import numpy as np
 
 from thesis_lib.contact import circular_cone
@@ -46,8 +44,8 @@ LAW = Law(
     title="AP Newton",
     impulse=impulse,
     promises=frozenset(Promise) - {Promise.NO_ENERGY_GAIN},
-    breaks=MappingProxyType({Promise.NO_ENERGY_GAIN: 0.0184}),
+    breaks={Promise.NO_ENERGY_GAIN: 0.0184},
     dimensions=frozenset({2, 3}),
-    breaks_in_space=MappingProxyType({Promise.NO_ENERGY_GAIN: 0.0119}),
+    breaks_in_space={Promise.NO_ENERGY_GAIN: 0.0119},
     reference="Anitescu and Potra 1997, doi:10.1023/A:1008292328909",
 )

@@ -16,8 +16,6 @@ also solves the plastic problem again where that penetrates, which cannot happen
 Source: Anitescu and Potra, Nonlinear Dynamics 14 (1997), doi:10.1023/A:1008292328909; thesis section 3.3.2.
 """
 
-from types import MappingProxyType
-
 import numpy as np
 
 from thesis_lib.contact.anitescu_potra_newton import impulse_to_normal_velocity
@@ -66,6 +64,6 @@ LAW_AS_PUBLISHED = Law(
     title="AP Poisson (as published)",
     impulse=impulse_as_published,
     promises=frozenset(Promise) - {Promise.NO_ENERGY_GAIN, Promise.CENTRAL},
-    breaks=MappingProxyType({Promise.NO_ENERGY_GAIN: 0.0371, Promise.CENTRAL: 0.431}),
+    breaks={Promise.NO_ENERGY_GAIN: 0.0371, Promise.CENTRAL: 0.431},
     reference="authors' code, github.com/mcubelab/planar-impact-dataset",
 )

@@ -16,8 +16,6 @@ the two edges the one with less energy.
 Source: Drumwright and Shell, WAFR 2010, doi:10.1007/978-3-642-17452-0_15; thesis section 3.3.2.
 """
 
-from types import MappingProxyType
-
 import numpy as np
 
 from thesis_lib.contact.law import Law, Promise
@@ -77,7 +75,7 @@ LAW = Law(
     title="Drumwright-Shell",
     impulse=impulse,
     promises=frozenset(Promise) - {Promise.PLASTIC, Promise.CENTRAL, Promise.STICKS},
-    breaks=MappingProxyType({Promise.PLASTIC: 0.277, Promise.CENTRAL: 0.431, Promise.STICKS: 0.709}),
+    breaks={Promise.PLASTIC: 0.277, Promise.CENTRAL: 0.431, Promise.STICKS: 0.709},
     reference="Drumwright and Shell 2010, doi:10.1007/978-3-642-17452-0_15",
 )
 
@@ -86,6 +84,6 @@ LAW_AS_PUBLISHED = Law(
     title="Drumwright-Shell (as published)",
     impulse=impulse_as_published,
     promises=frozenset(Promise) - {Promise.NO_ENERGY_GAIN, Promise.PLASTIC, Promise.CENTRAL},
-    breaks=MappingProxyType({Promise.NO_ENERGY_GAIN: 0.154, Promise.PLASTIC: 0.634, Promise.CENTRAL: 0.431}),
+    breaks={Promise.NO_ENERGY_GAIN: 0.154, Promise.PLASTIC: 0.634, Promise.CENTRAL: 0.431},
     reference="authors' code, github.com/mcubelab/planar-impact-dataset",
 )

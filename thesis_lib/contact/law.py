@@ -7,7 +7,6 @@ A law never fails in silence: every impact gets a status.  `Law.impulse` broadca
 import enum
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -86,9 +85,9 @@ class Law:
     impulse: ImpulseFunction
     promises: frozenset[Promise]
     reference: str
-    breaks: Mapping[Promise, float] = field(default_factory=lambda: MappingProxyType({}))
+    breaks: Mapping[Promise, float] = field(default_factory=dict)
     dimensions: frozenset[int] = frozenset({2})
-    breaks_in_space: Mapping[Promise, float] = field(default_factory=lambda: MappingProxyType({}))
+    breaks_in_space: Mapping[Promise, float] = field(default_factory=dict)
     accuracy_in_space: float = ROUNDING
     mu_unit: str = "1"
     force: "NormalForce | None" = None

@@ -19,7 +19,6 @@ thesis section 3.3.2.
 """
 
 from collections.abc import Callable
-from types import MappingProxyType
 
 import numpy as np
 
@@ -111,7 +110,7 @@ LAW = Law(
     impulse=impulse,
     promises=frozenset(Promise),
     dimensions=frozenset({2, 3}),
-    breaks_in_space=MappingProxyType({Promise.STICKS: 0.00133}),  # slip that turns can outlast the impact
+    breaks_in_space={Promise.STICKS: 0.00133},  # slip that turns can outlast the impact
     reference="Mirtich 1996; Stronge 1990, doi:10.1098/rspa.1990.0125",
 )
 
@@ -120,14 +119,12 @@ LAW_AS_PUBLISHED = Law(
     title="Mirtich (as published)",
     impulse=impulse_as_published,
     promises=frozenset({Promise.NON_PENETRATION, Promise.NO_ENERGY_GAIN, Promise.FRICTIONLESS, Promise.PLASTIC}),
-    breaks=MappingProxyType(
-        {
-            Promise.FRICTION_CONE: 0.192,
-            Promise.HOMOGENEOUS: 1.0,
-            Promise.CENTRAL: 0.978,
-            Promise.STICKS: 1.0,  # the slip that is left falls only with 1/μ
-        }
-    ),
+    breaks={
+        Promise.FRICTION_CONE: 0.192,
+        Promise.HOMOGENEOUS: 1.0,
+        Promise.CENTRAL: 0.978,
+        Promise.STICKS: 1.0,  # the slip that is left falls only with 1/μ
+    },
     reference="authors' code, github.com/mcubelab/planar-impact-dataset",
     mu_unit="s/m",
 )

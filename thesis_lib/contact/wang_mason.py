@@ -6,8 +6,6 @@ direction of slip turns on the way (slip_hodograph.py).
 Source: Wang and Mason, J. Appl. Mech. 59 (1992), doi:10.1115/1.2893771; thesis section 3.3.2.
 """
 
-from types import MappingProxyType
-
 import numpy as np
 
 from thesis_lib.contact import slip_hodograph
@@ -32,6 +30,6 @@ LAW = Law(
     promises=frozenset(Promise),
     dimensions=frozenset({2, 3}),
     # slip that turns can press the contact down again after p_c, and can outlast the impact however large μ is
-    breaks_in_space=MappingProxyType({Promise.NON_PENETRATION: 1e-4, Promise.STICKS: 0.00133}),
+    breaks_in_space={Promise.NON_PENETRATION: 1e-4, Promise.STICKS: 0.00133},
     reference="Wang and Mason 1992, doi:10.1115/1.2893771",
 )

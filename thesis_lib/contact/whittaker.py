@@ -14,8 +14,6 @@ Sources: Whittaker, Analytical Dynamics, 1904; reviewed by Chatterjee and Ruina 
 thesis section 3.3.2.
 """
 
-from types import MappingProxyType
-
 import numpy as np
 
 from thesis_lib.contact.law import Law, Promise
@@ -65,18 +63,14 @@ LAW = Law(
     title="Whittaker",
     impulse=impulse,
     promises=frozenset(Promise) - {Promise.FRICTION_CONE, Promise.NO_ENERGY_GAIN, Promise.FRICTIONLESS},
-    breaks=MappingProxyType(
-        {Promise.FRICTION_CONE: 0.0384, Promise.NO_ENERGY_GAIN: 0.0248, Promise.FRICTIONLESS: 0.163}
-    ),
+    breaks={Promise.FRICTION_CONE: 0.0384, Promise.NO_ENERGY_GAIN: 0.0248, Promise.FRICTIONLESS: 0.163},
     dimensions=frozenset({2, 3}),
-    breaks_in_space=MappingProxyType(
-        {
-            Promise.FRICTION_CONE: 0.0807,
-            Promise.NO_ENERGY_GAIN: 0.0163,
-            Promise.FRICTIONLESS: 0.053,
-            Promise.STICKS: 0.00436,
-        }
-    ),
+    breaks_in_space={
+        Promise.FRICTION_CONE: 0.0807,
+        Promise.NO_ENERGY_GAIN: 0.0163,
+        Promise.FRICTIONLESS: 0.053,
+        Promise.STICKS: 0.00436,
+    },
     reference="Whittaker 1904; Chatterjee and Ruina 1998, doi:10.1115/1.2791929",
 )
 
@@ -85,14 +79,12 @@ LAW_AS_PUBLISHED = Law(
     title="Whittaker (as published)",
     impulse=impulse_as_published,
     promises=frozenset({Promise.HOMOGENEOUS, Promise.STICKS, Promise.CENTRAL}),
-    breaks=MappingProxyType(
-        {
-            Promise.NON_PENETRATION: 0.140,
-            Promise.FRICTION_CONE: 0.0891,  # each time because it pulls: c_n < 0
-            Promise.NO_ENERGY_GAIN: 0.124,
-            Promise.FRICTIONLESS: 1.0,
-            Promise.PLASTIC: 0.634,
-        }
-    ),
+    breaks={
+        Promise.NON_PENETRATION: 0.140,
+        Promise.FRICTION_CONE: 0.0891,  # each time because it pulls: c_n < 0
+        Promise.NO_ENERGY_GAIN: 0.124,
+        Promise.FRICTIONLESS: 1.0,
+        Promise.PLASTIC: 0.634,
+    },
     reference="authors' code, github.com/mcubelab/planar-impact-dataset",
 )

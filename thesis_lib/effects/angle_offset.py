@@ -18,7 +18,7 @@ import numpy as np
 from thesis_lib.bodies.shapes import Disk
 from thesis_lib.bodies.solids import Sphere
 from thesis_lib.bodies.symmetry import Symmetry
-from thesis_lib.effects.effect import IN_SPACE, Effect, Parameter, components, vector
+from thesis_lib.effects.effect import IN_SPACE, CameraEffect, Parameter, components, vector
 from thesis_lib.mechanics.space import multiplied, of_rotation_vector
 
 # wide and with far starts: a frame on the wrong axis of the body is a quarter of a turn off
@@ -27,9 +27,8 @@ ON_AXIS = 1e-6  # m
 _NAMES = ("d_rx", "d_ry", "d_rz")
 
 
-class AngleOffset(Effect):
+class AngleOffset(CameraEffect):
     name = "angle_offset"
-    family = "measurement"
     title = "angle offset"
     equation = "θ_measured = θ + d_θ"
     parameters = (_OFF,)
@@ -54,20 +53,13 @@ class AngleOffset(Effect):
         about = Symmetry(rig.shape, np.asarray(rig.tensor)).axes  # pyright: ignore[reportArgumentType]
         return np.eye(3)[[axis for axis in about if np.abs(np.delete(off, axis)).max() < ON_AXIS]]
 
-    def to_true(self, state, p, rig):
-        return _turned(state, p, -1.0, rig)
-
-    def to_measured(self, state, p, rig):
-        return _turned(state, p, 1.0, rig)
-
-
-def _turned(state, p, sign, rig):
-    """The body turned by ±d, in space about its own axes, its tracked point where it is."""
-    if state.space.is_plane:
-        return state.moved(theta=state.theta + sign * p["d_theta"])
-    d = of_rotation_vector(sign * vector(p, _NAMES))
-    attitude = multiplied(state.attitude, np.broadcast_to(d, state.attitude.shape))
-    return rig.turned(state, attitude, state.spin)
+    def seen(self, state, p, way, rig):
+        if state.space.is_plane:
+            return state.moved(theta=state.theta + way * p["d_theta"])
+        # about the body's own axes, its tracked point where it is
+        d = of_rotation_vector(way * vector(p, _NAMES))
+        attitude = multiplied(state.attitude, np.broadcast_to(d, state.attitude.shape))
+        return rig.turned(state, attitude, state.spin)
 
 
 EFFECT = AngleOffset()

@@ -62,11 +62,8 @@ class AsStamped(TimeLag):
     def __init__(self, lag: float) -> None:
         self.lag = {"lag": -lag}
 
-    def to_true(self, state, p, rig):
-        return super().to_true(state, self.lag, rig)
-
-    def to_measured(self, state, p, rig):
-        return super().to_measured(state, self.lag, rig)
+    def seen(self, state, p, way, rig):
+        return super().seen(state, self.lag, way, rig)
 
     def meet(self, jump, before, after, p):
         return super().meet(jump, before, after, self.lag)

@@ -18,15 +18,14 @@ Where y leans over and x is correct, the picture is turned, too (camera_pose).  
 
 import numpy as np
 
-from thesis_lib.effects.effect import IN_SPACE, Effect, Parameter, components, vector
+from thesis_lib.effects.effect import IN_SPACE, CameraEffect, Parameter, components, vector
 
 _LEAN = Parameter("s", "1", null=0.0, low=-0.3, high=0.3, scale=0.01)
 _NAMES = ("s_x", "s_y")
 
 
-class CameraSkew(Effect):
+class CameraSkew(CameraEffect):
     name = "camera_skew"
-    family = "measurement"
     title = "camera axes not square"
     equation = "x_measured = x + s (y − H)"
     parameters = (_LEAN,)
@@ -40,28 +39,16 @@ class CameraSkew(Effect):
     rank = 40
     dimensions = IN_SPACE
 
-    def to_true(self, state, p, rig):
-        return _leaning(state, p, -1.0, rig)
-
-    def to_measured(self, state, p, rig):
-        return _leaning(state, p, 1.0, rig)
-
-
-def _leaning(state, p, sign, rig):
-    """The state with the normal leaning over by ±s."""
-    if not state.space.is_plane:
-        lever, s = rig.lever(state), sign * vector(p, _NAMES)
+    def seen(self, state, p, way, rig):
+        if state.space.is_plane:
+            s = way * p["s"]
+            return state.moved(x=state.x + s * (state.y - rig.height), vx=state.vx + s * state.vy)
+        lever, s = rig.lever(state), way * vector(p, _NAMES)
         v = state.space.velocity_at(state.velocity, state.spin, lever)
-        shift, faster = s * (state.position[2] + lever[2] - rig.height), s * v[2]
         none = np.zeros((1, len(state)))
-        return state.changed(
-            state.position + np.concatenate([shift, none]),
-            state.attitude,
-            state.velocity + np.concatenate([faster, none]),
-            state.spin,
-        )
-    s = sign * p["s"]
-    return state.moved(x=state.x + s * (state.y - rig.height), vx=state.vx + s * state.vy)
+        shift = np.concatenate([s * (state.position[2] + lever[2] - rig.height), none])
+        faster = np.concatenate([s * v[2], none])
+        return state.changed(state.position + shift, velocity=state.velocity + faster)
 
 
 EFFECT = CameraSkew()

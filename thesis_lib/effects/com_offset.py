@@ -19,7 +19,7 @@ displaced with the mass, the tracked point is off the centre (marker_offset).
 
 import numpy as np
 
-from thesis_lib.effects.effect import IN_SPACE, Effect, Parameter, along_axes
+from thesis_lib.effects.effect import IN_SPACE, Effect, Parameter, along_axes, components
 from thesis_lib.mechanics.free_motion import attitudes
 from thesis_lib.mechanics.space import cross, rotated
 
@@ -29,10 +29,7 @@ class ComOffset(Effect):
     family = "geometry"
     title = "displaced centre of mass"
     equation = "v_com = v_o + ω × R(θ) c, r = r_o − R(θ) c"
-    parameters = (
-        Parameter("c_x", "m", null=0.0, low=-0.02, high=0.02, scale=5e-4),
-        Parameter("c_y", "m", null=0.0, low=-0.02, high=0.02, scale=5e-4),
-    )
+    parameters = components(Parameter("c", "m", null=0.0, low=-0.02, high=0.02, scale=5e-4), ("c_x", "c_y"))
     channels = ("impact", "flight")
     even = True
     denies = "centre of mass"

@@ -179,7 +179,7 @@ class Rig:
         """Gap φ_n (n,) in m between the believed shape and the believed surface."""
         if self.tensor is None:
             return self.shape.gap(state.y, state.theta, self.height)
-        return state.height + self.shape.lowest(state.attitude)[-1] - self.height
+        return state.height + self.lowest(state)[-1] - self.height
 
     def lever(self, state: State) -> np.ndarray:
         """From the centre of mass to the tracked point (d, n) in m, as the body is believed to lie in `state`."""
@@ -397,6 +397,22 @@ class Effect:
         the camera bends (`bends`) follows from its map.
         """
         return None
+
+
+class CameraEffect(Effect):
+    """A fault of the measurement that is undone by the same map with the other sign."""
+
+    family: Family = "measurement"
+
+    def to_true(self, state: State, p: Parameters, rig: Rig) -> State:
+        return self.seen(state, p, -1.0, rig)
+
+    def to_measured(self, state: State, p: Parameters, rig: Rig) -> State:
+        return self.seen(state, p, 1.0, rig)
+
+    def seen(self, state: State, p: Parameters, way: float, rig: Rig) -> State:
+        """Measured state of a true one where `way` is 1, true state behind a measured one where it is −1."""
+        raise NotImplementedError
 
 
 def parameters_in(effect: Effect, space: Space) -> tuple[Parameter, ...]:

@@ -12,7 +12,6 @@ What changes from toss to toss is wear.
 import numpy as np
 
 from thesis_lib.effects.effect import ONLY_SPACE, Effect, Parameter
-from thesis_lib.effects.later_hits import is_later
 
 
 class LaterRestitution(Effect):
@@ -26,7 +25,8 @@ class LaterRestitution(Effect):
     reference = "definition of the restitution"
 
     def coefficients(self, mu, epsilon, contact, state, p, rig):
-        factor = np.where(is_later(state, rig), 1.0 + p["d"], 1.0)
+        later = rig.recorded is not None and rig.recorded.is_later(state)
+        factor = np.where(later, 1.0 + p["d"], 1.0)
         return mu, np.clip(epsilon * factor, 0.0, 1.0)
 
 

@@ -10,7 +10,7 @@
 
 import numpy as np
 
-from thesis_lib.effects.effect import IN_SPACE, Effect, Parameter
+from thesis_lib.effects.effect import IN_SPACE, Effect, Parameter, components
 
 
 class LinearDrag(Effect):
@@ -18,10 +18,7 @@ class LinearDrag(Effect):
     family = "flight"
     title = "linear drag"
     equation = "a = g − c_v v, α = −c_w ω"
-    parameters = (
-        Parameter("c_v", "1/s", null=0.0, low=0.0, high=20.0, scale=0.1),
-        Parameter("c_w", "1/s", null=0.0, low=0.0, high=20.0, scale=0.1),
-    )
+    parameters = components(Parameter("c", "1/s", null=0.0, low=0.0, high=20.0, scale=0.1), ("c_v", "c_w"))
     channels = ("flight",)
     needs_trajectories = True
     dimensions = IN_SPACE

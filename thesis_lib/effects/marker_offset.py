@@ -16,17 +16,15 @@ is believed to be, while a marker takes it along: the contact has the believed l
 D_y.  A marker frame that is turned is an angle_offset.
 """
 
-from thesis_lib.effects.effect import IN_SPACE, Effect, Parameter, along_axes
+from thesis_lib.effects.effect import IN_SPACE, CameraEffect, Parameter, along_axes, components
 
 
-class MarkerOffset(Effect):
+class MarkerOffset(CameraEffect):
     name = "marker_offset"
-    family = "measurement"
     title = "marker off the centre"
     equation = "x_measured = x + R(θ) d"
-    parameters = (
-        Parameter("d_x", "m", null=0.0, low=-0.05, high=0.05, scale=5e-4, starts=(0.0,)),
-        Parameter("d_y", "m", null=0.0, low=-0.05, high=0.05, scale=5e-4, starts=(0.0,)),
+    parameters = components(
+        Parameter("d", "m", null=0.0, low=-0.05, high=0.05, scale=5e-4, starts=(0.0,)), ("d_x", "d_y")
     )
     channels = ("impact", "touch", "flight")
     needs_angle = True
@@ -37,18 +35,10 @@ class MarkerOffset(Effect):
     breaks_mirror = True
     bends = True
 
-    def to_true(self, state, p, rig):
-        return _seen_at(state, p, -1.0)
-
-    def to_measured(self, state, p, rig):
-        return _seen_at(state, p, 1.0)
-
-
-def _seen_at(state, p, sign):
-    """State of the point at `sign` D from the one that `state` is of."""
-    D = sign * state.turned(along_axes(p, "d", state.space))
-    velocity = state.space.velocity_at(state.velocity, state.spin, D)
-    return state.changed(position=state.position + D, velocity=velocity)
+    def seen(self, state, p, way, rig):
+        D = way * state.turned(along_axes(p, "d", state.space))
+        velocity = state.space.velocity_at(state.velocity, state.spin, D)
+        return state.changed(position=state.position + D, velocity=velocity)
 
 
 EFFECT = MarkerOffset()

@@ -14,7 +14,7 @@ Of a body with three equal inertias flights cannot show it; hits and rests can.
 
 import numpy as np
 
-from thesis_lib.effects.effect import ONLY_SPACE, Effect, Parameter
+from thesis_lib.effects.effect import ONLY_SPACE, CameraEffect, Parameter
 from thesis_lib.effects.relabelled_rotation import relabelled
 
 _ORDER = np.roll(np.eye(4), 1, axis=1)  # (w, x, y, z) becomes (x, y, z, w)
@@ -26,9 +26,8 @@ READINGS = (
 )
 
 
-class MisreadRotation(Effect):
+class MisreadRotation(CameraEffect):
     name = "misread_rotation"
-    family = "measurement"
     title = "misread quaternion"
     equation = "q_measured = P q: conjugate, scalar last, or one sign"
     parameters = (
@@ -51,18 +50,11 @@ class MisreadRotation(Effect):
     breaks_mirror = True
     reference = "Solà 2017, arXiv:1711.02508 (conventions of quaternions)"
 
-    def to_true(self, state, p, rig):
-        return _as(state, round(p["reading"]), rig, back=True)
-
-    def to_measured(self, state, p, rig):
-        return _as(state, round(p["reading"]), rig, back=False)
-
-
-def _as(state, reading, rig, back):
-    if not reading:
-        return state
-    P = READINGS[reading]
-    return relabelled(state, P.T if back else P, rig)
+    def seen(self, state, p, way, rig):
+        if not (reading := round(p["reading"])):
+            return state
+        P = READINGS[reading]
+        return relabelled(state, P if way > 0.0 else P.T, rig)
 
 
 EFFECT = MisreadRotation()

@@ -19,19 +19,16 @@ import numpy as np
 from thesis_lib.effects.contact_place import around_body, down_in_body
 from thesis_lib.effects.effect import IN_SPACE, Effect, Parameter, along_axes, components
 
+_SIZE = Parameter("a", "1", null=0.0, low=-0.9, high=0.9, scale=0.1, starts=(0.0,))
+
 
 class OrientationDependentRestitution(Effect):
     name = "orientation_dependent_restitution"
     family = "contact_law"
     title = "restitution depends on the place on the body"
     equation = "ε = ε₀ (1 + a_c cos 2β + a_s sin 2β)"
-    parameters = (
-        Parameter("a_c", "1", null=0.0, low=-0.9, high=0.9, scale=0.1, starts=(0.0,)),
-        Parameter("a_s", "1", null=0.0, low=-0.9, high=0.9, scale=0.1, starts=(0.0,)),
-    )
-    own_in_space = components(
-        Parameter("a", "1", null=0.0, low=-0.9, high=0.9, scale=0.1, starts=(0.0,)), ("a_x", "a_y", "a_z")
-    )
+    parameters = components(_SIZE, ("a_c", "a_s"))
+    own_in_space = components(_SIZE, ("a_x", "a_y", "a_z"))
     needs_angle = True
     dimensions = IN_SPACE
     reference = "Stoianovici and Hurmuzlu 1996 (rebound of slender bars at different angles)"

@@ -14,14 +14,13 @@ A body at rest would show it.  Impacts alone cannot tell it from a moving surfac
 
 import numpy as np
 
-from thesis_lib.effects.effect import IN_SPACE, Effect, Parameter, components, vector
+from thesis_lib.effects.effect import IN_SPACE, CameraEffect, Parameter, components, vector
 
 _VELOCITY = Parameter("d_x", "m/s", null=0.0, low=-1.0, high=1.0, scale=0.1)
 
 
-class SensorDrift(Effect):
+class SensorDrift(CameraEffect):
     name = "sensor_drift"
-    family = "measurement"
     title = "drifting camera"
     equation = "x_measured = x + d_x (t − t₀)"
     parameters = (_VELOCITY,)
@@ -35,20 +34,12 @@ class SensorDrift(Effect):
     rank = 70
     dimensions = IN_SPACE
 
-    def to_true(self, state, p, rig):
-        return _drifted(state, p, -1.0, rig)
-
-    def to_measured(self, state, p, rig):
-        return _drifted(state, p, 1.0, rig)
-
-
-def _drifted(state, p, way, rig):
-    """State as from a camera that adds the velocity `way` times that of the parameters."""
-    since = np.where(np.isfinite(state.t), state.t - rig.reference.t, 0.0)
-    names = ("d_x",) if state.space.is_plane else ("d_x", "d_y")
-    along = way * vector(p, names)
-    along = np.concatenate([along, np.zeros_like(along[:1])])  # none along the normal
-    return state.changed(position=state.position + along * since, velocity=state.velocity + along)
+    def seen(self, state, p, way, rig):
+        since = np.where(np.isfinite(state.t), state.t - rig.reference.t, 0.0)
+        names = ("d_x",) if state.space.is_plane else ("d_x", "d_y")
+        along = way * vector(p, names)
+        along = np.concatenate([along, np.zeros_like(along[:1])])  # none along the normal
+        return state.changed(position=state.position + along * since, velocity=state.velocity + along)
 
 
 EFFECT = SensorDrift()

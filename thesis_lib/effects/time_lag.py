@@ -10,12 +10,11 @@ At an impact the angle is reported ω T too small before it and ω⁺ T too smal
 | T        | `lag`   | s    |       | lag of θ behind x and y; negative: ahead     |
 """
 
-from thesis_lib.effects.effect import IN_SPACE, Effect, Parameter
+from thesis_lib.effects.effect import IN_SPACE, CameraEffect, Parameter
 
 
-class TimeLag(Effect):
+class TimeLag(CameraEffect):
     name = "time_lag"
-    family = "measurement"
     title = "angle lags behind position"
     equation = "θ_measured(t) = θ(t − T)"
     parameters = (Parameter("lag", "s", null=0.0, low=-0.05, high=0.05, scale=2e-3, starts=(-0.01, 0.01)),)
@@ -25,11 +24,8 @@ class TimeLag(Effect):
     dimensions = IN_SPACE
     reference = "kinematics"
 
-    def to_true(self, state, p, rig):
-        return rig.turned(state, state.space.attitude_after(state.attitude, state.spin * p["lag"]), state.spin)
-
-    def to_measured(self, state, p, rig):
-        return rig.turned(state, state.space.attitude_after(state.attitude, -state.spin * p["lag"]), state.spin)
+    def seen(self, state, p, way, rig):
+        return rig.turned(state, state.space.attitude_after(state.attitude, -way * state.spin * p["lag"]), state.spin)
 
     def meet(self, jump, before, after, p):
         jumped = jump.copy()

@@ -19,6 +19,7 @@ from thesis_lib.mechanics.space import SPACE, multiplied, of_rotation_vector
 from thesis_lib.mechanics.state import State
 
 KEPT = 32  # scales whose turns are kept
+LATER = 0.03  # s: what touches within it belongs to the first hit
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,11 +48,11 @@ class WholeTosses:
         touched = [np.min(t[trial == one], initial=np.inf) for one in frames.trial[first]]
         return cls(frames.trial, since, turn, np.array(touched))
 
-    def first_touch(self, trial: np.ndarray) -> np.ndarray:
-        """Instants (n,) in s; infinite in trials that nobody saw."""
+    def is_later(self, state: State) -> np.ndarray:
+        """Whether a hit (n,) is not the first of its toss; false in trials that nobody saw."""
         known = np.unique(self.trial)
-        at = np.clip(np.searchsorted(known, trial), 0, len(known) - 1)
-        return np.where(known[at] == trial, self.touched[at], np.inf)
+        at = np.clip(np.searchsorted(known, state.trial), 0, len(known) - 1)
+        return state.t > np.where(known[at] == state.trial, self.touched[at], np.inf) + LATER
 
     @cached_property
     def _in_one_row(self) -> tuple[np.ndarray, float, np.ndarray]:

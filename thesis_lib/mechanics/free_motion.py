@@ -1,6 +1,6 @@
-"""Free flight of n rigid bodies, in the plane or in space: a parabola, and Euler's motion without torque.
+"""Free flight of n rigid bodies in space: a parabola, and Euler's motion without torque.
 
-In space the angular momentum per mass L = R G Rᵀ ω is constant, so that the attitude alone has to be integrated,
+The angular momentum per mass L = R G Rᵀ ω is constant, so that the attitude alone has to be integrated,
 
     Ṙ = [ω] R,    ω = W L,    W = R G⁻¹ Rᵀ,
 
@@ -14,10 +14,10 @@ attitude are 1 + Φ [ω₀], Φ those of the first spin.
 
 | on paper | in code | unit       | shape               |                                                     |
 |----------|---------|------------|---------------------|-----------------------------------------------------|
-| q₀       | `pose`  | m, rad     | (d + attitude, n)   | pose at time 0                                      |
-| v₀       | `motion`| m/s, rad/s | (d + turns, n)      | velocity and spin at time 0, axes of the world      |
-| G        | `G`     | m²         | as in `inertia`     | inertia per mass, axes of the body; not used in the plane |
-| a        | `a`     | m/s²       | (d, n) or (d, 1)    | acceleration, gravity for example                   |
+| q₀       | `pose`  | m, 1       | (7, n)              | pose at time 0                                      |
+| v₀       | `motion`| m/s, rad/s | (6, n)              | velocity and spin at time 0, axes of the world      |
+| G        | `G`     | m²         | as in `inertia`     | inertia per mass, axes of the body                  |
+| a        | `a`     | m/s²       | (3, n) or (3, 1)    | acceleration, gravity for example                   |
 | τ        | `tau`   | s          | (k, n), (k, 1), (k,)| times, in any order, of either sign                 |
 
 Sources: Goldstein, Classical Mechanics, chapter 5 (torque-free motion); Hairer, Nørsett and Wanner, Solving Ordinary
@@ -29,7 +29,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from thesis_lib.mechanics.space import PLANE, SPACE, cross
+from thesis_lib.mechanics.space import cross
 
 STEP = 0.6  # rad of one series: errs by some 1e-10 rad, and as much of a column
 KEPT = 8  # turns of bodies that are kept
@@ -37,45 +37,10 @@ MOST_STEPS = 10_000  # a flight that turns further is an error in its data
 
 
 class Flight(NamedTuple):
-    """Poses (d + attitude, k, n) and motions (d + turns, k, n) of n bodies at k times."""
+    """Poses (7, k, n) and motions (6, k, n) of n bodies at k times."""
 
     pose: np.ndarray
     motion: np.ndarray
-
-
-class Columns(NamedTuple):
-    """Derivatives of the poses at k times by the first pose, the motion and a constant acceleration.
-
-    Small turns are rotation vectors about axes of the world.  Every component of the position depends on its own first
-    value, velocity and acceleration alone, with the columns 1, τ and τ²/2; so does the angle in the plane.
-
-    Attributes:
-        tau: (k, n) in s.
-        by_attitude: (3, 3, k, n) turn by the first turn, None in the plane (where it is 1).
-        by_spin: (3, 3, k, n) turn by the first spin in s, None in the plane (where it is τ).
-    """
-
-    tau: np.ndarray
-    by_attitude: np.ndarray | None = None
-    by_spin: np.ndarray | None = None
-
-    @property
-    def place(self) -> np.ndarray:
-        """(3, k, n): 1, τ and τ²/2."""
-        return np.stack([np.ones_like(self.tau), self.tau, 0.5 * self.tau * self.tau])
-
-    def matrix(self) -> np.ndarray:
-        """All columns, (d + turns, 2 (d + turns) + d, k, n): by pose, motion and acceleration, in this order."""
-        space = PLANE if self.by_spin is None else SPACE
-        d, m = space.dimension, space.motions
-        columns = np.zeros((m, 2 * m + d, *self.tau.shape))
-        for i in range(m if space.is_plane else d):
-            columns[i, [i, m + i]] = self.place[:2]
-        for i in range(d):
-            columns[i, 2 * m + i] = self.place[2]
-        if not space.is_plane:
-            columns[d:, d:m], columns[d:, m + d : 2 * m] = self.by_attitude, self.by_spin
-        return columns
 
 
 def attitudes(
@@ -111,39 +76,30 @@ def _by_body(G: np.ndarray) -> np.ndarray:
     return np.ascontiguousarray(np.reshape(G, (9, -1)).T, float).reshape(-1, 3, 3)
 
 
-def flown(pose: np.ndarray, motion: np.ndarray, G: np.ndarray | float, a: np.ndarray, tau: np.ndarray) -> Flight:
+def flown(pose: np.ndarray, motion: np.ndarray, G: np.ndarray, a: np.ndarray, tau: np.ndarray) -> Flight:
     """Poses and motions at times `tau`, under a constant acceleration and without torque; as in the module's table.
 
     Raises:
         ValueError: as `attitudes`.
     """
-    space = _space_of(pose)
-    tau, d = _grid(tau, pose.shape[1]), space.dimension
-    v, a = motion[:d, None], np.asarray(a)[:, None]
-    place, velocity = pose[:d, None] + tau * (v + 0.5 * tau * a), v + tau * a
-    if space.is_plane:
-        spin = np.broadcast_to(motion[d:, None], (1, *tau.shape))
-        turned = pose[d:, None] + tau * spin
-    else:
-        turned, spin = attitudes(pose[d:], motion[d:], np.asarray(G), tau)
+    tau = _grid(tau, pose.shape[1])
+    v, a = motion[:3, None], np.asarray(a)[:, None]
+    place, velocity = pose[:3, None] + tau * (v + 0.5 * tau * a), v + tau * a
+    turned, spin = attitudes(pose[3:], motion[3:], G, tau)
     return Flight(np.concatenate([place, turned]), np.concatenate([velocity, spin]))
 
 
-def columns(pose: np.ndarray, motion: np.ndarray, G: np.ndarray | float, tau: np.ndarray) -> Columns:
-    """Derivatives of the poses of `flown` by what it starts from; they do not depend on the acceleration.
+def columns(attitude: np.ndarray, spin: np.ndarray, G: np.ndarray, tau: np.ndarray) -> np.ndarray:
+    """Turns (3, 6, k, n) at times `tau` by a small first turn and a change of the first spin; arguments as `attitudes`.
 
     Raises:
         ValueError: as `attitudes`.
     """
-    space = _space_of(pose)
-    tau, d = _grid(tau, pose.shape[1]), space.dimension
-    if space.is_plane:
-        return Columns(tau)
-    *_, by_spin = _integrated(pose[d:], motion[d:], np.asarray(G), tau, STEP, with_columns=True)
+    *_, by_spin = _integrated(attitude, spin, G, _grid(tau, attitude.shape[1]), STEP, with_columns=True)
     # Φ [ω₀] has the rows Φ_i × ω₀
-    by_attitude = cross(by_spin.swapaxes(0, 1), motion[d:, None, None]).swapaxes(0, 1)
+    by_attitude = cross(by_spin.swapaxes(0, 1), spin[:, None, None]).swapaxes(0, 1)
     by_attitude[[0, 1, 2], [0, 1, 2]] += 1.0
-    return Columns(tau, by_attitude, by_spin)
+    return np.concatenate([by_attitude, by_spin], axis=1)
 
 
 def _integrated(
@@ -187,7 +143,3 @@ def _grid(tau: np.ndarray, n: int) -> np.ndarray:
     if tau.shape == (len(tau), n):
         return tau
     return np.broadcast_to(tau[:, None] if tau.ndim == 1 else tau, (len(tau), n))
-
-
-def _space_of(pose: np.ndarray):
-    return PLANE if len(pose) == PLANE.poses else SPACE

@@ -9,7 +9,7 @@ from thesis_lib.contact import mirtich
 from thesis_lib.contact.compliant.watched_slide import on_ellipse
 from thesis_lib.critique.contacts import pressing
 from thesis_lib.critique.contacts.bases import BASES
-from thesis_lib.critique.contacts.episodes import play
+from thesis_lib.critique.contacts.episodes import Played
 from thesis_lib.critique.contacts.kinds import bind
 from thesis_lib.critique.contacts.model import Model
 from thesis_lib.critique.contacts.pressing import press
@@ -323,7 +323,7 @@ def test_a_box_that_turns_over_an_edge_moves_the_same_where_its_contact_is_cut(m
     model, ends = in_space(BOX, "damped_contact", mu=0.6, epsilon=0.1, tau=1e-4), []
     for cut in (pressing.CUT, np.inf):
         monkeypatch.setattr(pressing, "CUT", cut)
-        ends.append(play(model, states, np.full(n, 0.03)))
+        ends.append(Played(model, states, np.full(n, 0.03)))
     (cut, whole), off = ends, SPACE.difference(ends[0].after.pose, ends[1].after.pose)
     assert (cut.hits > whole.hits).mean() > 0.5
     assert np.median(np.linalg.norm(cut.after.velocity - whole.after.velocity, axis=0)) < 1e-4

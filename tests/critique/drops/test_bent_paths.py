@@ -88,7 +88,7 @@ def test_a_flight_has_the_acceleration_of_the_parabola_through_its_bent_path(nam
     seen = np.stack([EFFECTS[name].to_measured(flown(true, h), p, RIG).q for h in tau], axis=1)
     fits = np.stack([np.polyfit(tau, path, 2) for path in seen])
     state = State.of(fits[:, 2], fits[:, 1], true.trial, true.t)
-    flights = Flights(state, 2.0 * fits[:, 0], np.ones((N, 3)), np.full(N, FLIGHT))
+    flights = Flights(state, np.ones((N, 3)), 2.0 * fits[:, 0], np.full(N, FLIGHT))
     left = flights.residuals(bind(model, values, RIG))
     np.testing.assert_allclose(left[:, :2], 0.0, atol=NEAR_FALL)
     fall = Model(LAWS["mirtich"])
@@ -104,6 +104,6 @@ def test_a_flight_of_a_displaced_centre_of_mass_has_the_acceleration_of_its_orig
     path_of_origin = q - np.stack([lever.real, lever.imag, np.zeros_like(lever.real)], axis=-1)
     fits = np.stack([np.polyfit(tau, path, 2) for path in path_of_origin])
     state = State.of(fits[:, 2], fits[:, 1], centre.trial, centre.t)
-    flights = Flights(state, 2.0 * fits[:, 0], np.ones((N, 3)), np.full(N, FLIGHT))
+    flights = Flights(state, np.ones((N, 3)), 2.0 * fits[:, 0], np.full(N, FLIGHT))
     np.testing.assert_allclose(flights.residuals(bind(model, values, RIG))[:, :2], 0.0, atol=NEAR_FALL)
     assert np.abs(flights.residuals(bind(Model(LAWS["mirtich"]), {}, RIG))).max() > 20.0 * NEAR_FALL

@@ -11,7 +11,7 @@ from thesis_lib.contact import LAWS
 from thesis_lib.contact.compliant.compiled import central_pressure
 from thesis_lib.critique.contacts.bases import BASES, RESERVE
 from thesis_lib.critique.contacts.contact_time import STICTION_TOLERANCE
-from thesis_lib.critique.contacts.episodes import play
+from thesis_lib.critique.contacts.episodes import Played
 from thesis_lib.critique.contacts.kinds import bind
 from thesis_lib.critique.contacts.model import Model
 from thesis_lib.critique.contacts.pressing import press
@@ -114,7 +114,7 @@ def test_a_convex_contact_is_that_of_mujoco(body, impedance, ratio):
     def error(name: str, **other: float) -> float:
         values = {"mu": 0.15, "epsilon": 0.55, "tau": tau, "damping_ratio": ratio, "impedance": impedance, **other}
         model = Model(BASES[name], takes_time=True)
-        played = play(bind(model, values, rig), start, table["duration"].to_numpy(), most=1)
+        played = Played(bind(model, values, rig), start, table["duration"].to_numpy(), most=1)
         return float(np.median(np.linalg.norm((played.after.v - v_post) * [1.0, 1.0, rig.k_g], axis=1)))
 
     # m/s, of 3; MuJoCo's 200 steps in a contact find the touch within a step to that

@@ -14,7 +14,7 @@ from thesis_lib.contact import LAWS
 from thesis_lib.critique.contacts import episodes
 from thesis_lib.critique.contacts.bases import BASES
 from thesis_lib.critique.contacts.contact_time import duration
-from thesis_lib.critique.contacts.episodes import MOST_HITS, EpisodeOutcome, play
+from thesis_lib.critique.contacts.episodes import MOST_HITS, Played
 from thesis_lib.critique.contacts.kinds import bind, kind_of
 from thesis_lib.critique.contacts.model import Model
 from thesis_lib.critique.contacts.pressing import press
@@ -61,14 +61,14 @@ def simulated_episodes(table: pd.DataFrame) -> list[pd.DataFrame]:
 
 
 @cache
-def played(contact_time: float) -> tuple[EpisodeOutcome, np.ndarray, np.ndarray]:
+def played(contact_time: float) -> tuple[Played, np.ndarray, np.ndarray]:
     """Episodes of the simulator as the model plays them: outcome, true number of contacts, error in m/s, each (n,)."""
     groups = simulated_episodes(drops("square", contact_time, noisy=False).impacts)
     first, last = (pd.DataFrame([group.iloc[i] for group in groups]) for i in (0, -1))
     q, v, v_post = first[list(POSE)].to_numpy(), first[list(V_PRE)].to_numpy(), last[list(V_POST)].to_numpy()
     start = State.of(q, v, first["trial"].to_numpy(int), first["t"].to_numpy())
     span = (last["t"] + last["duration"]).to_numpy() - start.t + FREE
-    outcome = play(bind(MODEL, truth(contact_time), RIG), start, span)
+    outcome = Played(bind(MODEL, truth(contact_time), RIG), start, span)
     error = (outcome.after.v - v_post - [0.0, -9.81 * FREE, 0.0]) * [1.0, 1.0, RIG.k_g]
     return outcome, np.array([len(group) for group in groups]), np.linalg.norm(error, axis=1)
 
@@ -101,7 +101,7 @@ def test_in_how_many_pieces_a_flight_is_looked_at_changes_nothing(monkeypatch, r
     for ahead, in_cache in ((1000, 10**9), (3, 500), (1, 1)):
         monkeypatch.setattr(episodes, "AHEAD", ahead)
         monkeypatch.setattr(episodes, "IN_CACHE", in_cache)
-        found.append(play(bind(model, values, RIG), start, np.linspace(0.001, 0.06, n)))
+        found.append(Played(bind(model, values, RIG), start, np.linspace(0.001, 0.06, n)))
     assert len(np.unique(found[0].hits)) > 2
     for other in found[1:]:
         assert (other.hits == found[0].hits).all()
@@ -164,13 +164,13 @@ def test_a_round_body_in_flight_is_left_alone():
     body = BODIES["ellipse"]
     rig = Rig(body.shape, body.radius_of_gyration, 9.81, 0.0)
     high = State.of(np.array([[0.0, 1.0, 0.3]]), np.array([[0.5, -1.0, 4.0]]), np.zeros(1, int), np.zeros(1))
-    outcome = play(bind(MODEL, truth(T), rig), high, np.array([0.05]))
+    outcome = Played(bind(MODEL, truth(T), rig), high, np.array([0.05]))
     assert outcome.hits[0] == 0
     assert np.allclose(outcome.after.q, high.flown(np.array([[0.0, -9.81, 0.0]]), 0.05).q, atol=1e-12)
 
 
 def test_a_body_that_never_bounces_rests():
-    outcome = play(bind(MODEL, truth(T) | {"epsilon": 0.0}, RIG), flat(0.0), np.array([0.08]))
+    outcome = Played(bind(MODEL, truth(T) | {"epsilon": 0.0}, RIG), flat(0.0), np.array([0.08]))
     assert outcome.rests[0]
 
 
@@ -179,7 +179,7 @@ def test_a_body_that_a_hit_makes_too_fast_to_be_followed_stops(monkeypatch):
     spins = []
     for fastest in (episodes.FASTEST, 10.0):
         monkeypatch.setattr(episodes, "FASTEST", fastest)
-        spins.append(abs(play(bind(MODEL, truth(T), RIG), turned, np.array([0.03])).after.omega[0]))
+        spins.append(abs(Played(bind(MODEL, truth(T), RIG), turned, np.array([0.03])).after.omega[0]))
     assert spins[0] > 10.0 > spins[1]
 
 
@@ -194,7 +194,7 @@ def test_a_corner_that_touches_as_another_comes_free_is_struck_once():
     q = np.stack([0.0 * turn, 0.03 * (np.cos(turn) + np.abs(np.sin(turn))), turn], axis=1)
     v = np.stack([rng.uniform(-1.0, 1.0, n), rng.uniform(-2.5, -0.8, n), omega], axis=1)
     lands = State.of(q, v, np.arange(n), np.zeros(n))
-    outcome = play(bind(MODEL, {"mu": MU, "epsilon": 0.3, "tau": 2e-3}, RIG), lands, np.full(n, 0.03))
+    outcome = Played(bind(MODEL, {"mu": MU, "epsilon": 0.3, "tau": 2e-3}, RIG), lands, np.full(n, 0.03))
     stands = outcome.after.select(np.flatnonzero(outcome.hits == MOST_HITS))
     assert len(stands.x) > 20
     assert np.hypot(stands.vy, RIG.k_g * stands.omega).max() < 0.2
@@ -287,7 +287,7 @@ def test_a_hit_that_comes_late_still_counts():
     rows = o.rows(np.flatnonzero(o.span))
     before = Comparison(MODEL, truth(T), rows).before
     higher = State.of(before.q + [0.0, 0.002, 0.0], before.v, before.trial, before.t)
-    hits, late = (play(bind(MODEL, truth(T), RIG), start, rows.span).hits for start in (before, higher))
+    hits, late = (Played(bind(MODEL, truth(T), RIG), start, rows.span).hits for start in (before, higher))
     assert len(hits) > 50 and np.mean(late != hits) < 0.05
 
 
@@ -355,7 +355,7 @@ def errors_of_single_hits(law: str, shape: str, contact_time: float) -> np.ndarr
     )
     span = table["duration"].to_numpy()
     model = Model(BASES[law], takes_time=True)
-    played = play(bind(model, truth(contact_time), rig), start, span, most=1)
+    played = Played(bind(model, truth(contact_time), rig), start, span, most=1)
     assert (played.hits == 1).all()
     return np.linalg.norm((played.after.v - v_post) * [1.0, 1.0, rig.k_g], axis=1)
 

@@ -9,7 +9,7 @@ from thesis_lib.bodies.shapes import Polygon
 from thesis_lib.bodies.solids import Box, Hull
 from thesis_lib.critique.contacts import episodes
 from thesis_lib.critique.contacts.bases import BASES
-from thesis_lib.critique.contacts.episodes import MOST_HITS, _Play, play
+from thesis_lib.critique.contacts.episodes import MOST_HITS, Played
 from thesis_lib.critique.contacts.kinds import bind
 from thesis_lib.critique.contacts.model import Model
 from thesis_lib.critique.drops.world import Drops
@@ -58,8 +58,8 @@ def test_episodes_in_a_plane_of_space_are_those_of_the_plane(law):
     none, span = np.zeros(n), np.full(n, SPAN)
     pose = np.concatenate([np.stack([flat.x, none, flat.y]), of_rotation_vector(np.stack([none, -flat.theta, none]))])
     motion = np.stack([flat.vx, none, flat.vy, none, -flat.omega, none])
-    expected = play(plane, flat, span)
-    found = play(space, State(pose, motion, flat.trial, flat.t, None, SPACE), span)
+    expected = Played(plane, flat, span)
+    found = Played(space, State(pose, motion, flat.trial, flat.t, None, SPACE), span)
     assert (expected.hits >= 2).mean() > 0.3 and expected.hits.max() < MOST_HITS
     np.testing.assert_array_equal(found.hits, expected.hits)
     after = found.after.motion
@@ -85,7 +85,8 @@ def test_rounded_corners_act_on_every_corner_that_presses():
 
     def played(solid, effects, values):
         model = Model(BASES["compliant_contact"], effects, takes_time=True, space=SPACE)
-        return play(bind(model, VALUES | values, Rig(solid, K_G, 9.81, 0.0, tensor=tensor)), states, span).after.motion
+        rig = Rig(solid, K_G, 9.81, 0.0, tensor=tensor)
+        return Played(bind(model, VALUES | values, rig), states, span).after.motion
 
     expected, believed = played(round_box, (), {}), played(sharp, (), {})
     found = played(sharp, (EFFECTS["rounded_corners"],), {"rounded_corners.rho": rho})
@@ -146,14 +147,14 @@ def test_hits_and_episodes_drawn_from_a_model_differ_from_it_by_their_noise(toss
 def test_no_hit_is_of_a_point_above_the_surface(tossed, monkeypatch, size):
     """Also where the body is believed too large, so that corners are below it from the start and rise."""
     model = Model(BASES["mirtich"], (EFFECTS["wrong_size"],), takes_time=True, space=SPACE)
-    gaps, hit = [], _Play._hit
+    gaps, hit = [], Played._hit
 
     def noted(self, rows):
         gap, v_n = self._gaps(self._state(rows), rows)
         gaps.extend(np.where(v_n < 0.0, gap, np.inf).min(axis=0))
         hit(self, rows)
 
-    monkeypatch.setattr(_Play, "_hit", noted)
+    monkeypatch.setattr(Played, "_hit", noted)
     for step in (1e-3, 2e-4):
         monkeypatch.setattr(episodes, "STEP", step)
         assert np.isfinite(Comparison(model, VALUES | {"wrong_size.s": size}, tossed).R).all()

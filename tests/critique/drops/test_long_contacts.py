@@ -110,7 +110,7 @@ def test_a_parabola_through_a_long_flight_with_drag_is_predicted():
     path = solve_ivp(rate, ends, [0.0, 1.0, 1.0, 1.0], t_eval=times + 0.5 * span, rtol=1e-9, atol=1e-12).y[:2].T
     B = np.stack([np.ones_like(times), times, 0.5 * times**2], axis=1)
     q, v, a = (np.append(row, 0.0)[None] for row in np.linalg.lstsq(B, path, rcond=None)[0])
-    flights = Flights(State.of(q, v, np.zeros(1, int), np.zeros(1)), a, np.ones((1, 3)), np.array([span]))
+    flights = Flights(State.of(q, v, np.zeros(1, int), np.zeros(1)), np.ones((1, 3)), a, np.array([span]))
     model, values = with_effect("quadratic_drag", c_q=c)
     dragged = np.abs(a - [0.0, -9.81, 0.0]).max()
     # to first order alone 1 % and more

@@ -5,8 +5,8 @@ import pandas as pd
 import pytest
 from hidden_effects import injected_impacts, recorded
 
-from thesis_lib.critique.drops.planar.one_body import balance_groups, refuse_what_is_not_one_body, touch_groups
-from thesis_lib.critique.drops.planar.settings import OneBody
+from thesis_lib.critique.drops.one_body import balance_groups, refuse_what_is_not_one_body, touch_groups
+from thesis_lib.critique.drops.settings import OneBody
 from thesis_lib.critique.likelihood.observations import observe
 from thesis_lib.datasets.format.dataset import Dataset
 from thesis_lib.foundation.errors import UserError

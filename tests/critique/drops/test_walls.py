@@ -7,9 +7,8 @@ from thesis_lib.contact import mirtich
 from thesis_lib.critique import criticise
 from thesis_lib.critique.contacts.model import Model
 from thesis_lib.critique.drops.criticise import criticise_drops
-from thesis_lib.critique.drops.planar.sliding import TABLE
-from thesis_lib.critique.drops.planar.unknown_spin import velocity_left, what_is_left
 from thesis_lib.critique.drops.settings import CritiqueSettings
+from thesis_lib.critique.drops.sliding import TABLE
 from thesis_lib.critique.drops.world import Drops
 from thesis_lib.critique.export.export import exported
 from thesis_lib.critique.likelihood.comparison import Comparison
@@ -44,7 +43,7 @@ def test_a_rim_that_sticks_scatters_by_a_third_of_the_unknown_rim_speed(observat
     assert cov[:, 0, 0].max() < third * (1.0 + ROUNDED)  # where the widest spins slide all the same
     assert cov[:, 1, 1].max() < 1e-20  # nothing of it across the wall
     # an error along the wall is then the spin's but for the share of noise, one across it is the model's
-    left = what_is_left(here)
+    left = here.what_is_left
     noise = here.covariance(observations.t_std) - cov
     assert np.median(left[:, 0, 0]) == pytest.approx(np.median(noise[:, 0, 0] / (noise + cov)[:, 0, 0]), rel=0.2)
     assert np.median(left[:, 0, 0]) < 0.1 < 0.9 < np.median(left[:, 1, 1])
@@ -55,7 +54,7 @@ def test_without_friction_the_spin_does_nothing(observations) -> None:
     model = Model(mirtich.LAW, (), True, (TABLE,))
     assert np.abs(Comparison(model, values, observations).of_spin[:, :2, :2]).max() < 1e-20
     # then an error along the wall counts in full
-    left = velocity_left(Comparison(model, values, observations))
+    left = Comparison(model, values, observations).velocity_left
     assert np.abs(left[:, 0]).mean() > 0.1
 
 

@@ -11,7 +11,7 @@ from engine_runs import by_drake, by_mujoco, inertia_in_drake, inertia_in_mujoco
 
 from tests.critique.simulation.saved_models import BOX, SPHERE, space_model
 from thesis_lib.__main__ import main
-from thesis_lib.critique.contacts.episodes import play
+from thesis_lib.critique.contacts.episodes import Played
 from thesis_lib.critique.export.export import exported, patched
 from thesis_lib.critique.export.solid import FORMATS
 from thesis_lib.critique.results.load_model import load_model
@@ -128,7 +128,7 @@ def test_a_hit_in_the_engine_is_that_of_the_law(target, shape, contact, tmp_path
     """Over the table as it lies in the world, from the touch until the body is off it again."""
     model = space_model(shape=SHAPES[shape], **contact, **COM)
     touch = touching(model, 6)
-    after = play(model.dynamics, touch, np.full(len(touch), SPAN)).after
+    after = Played(model.dynamics, touch, np.full(len(touch), SPAN)).after
     found = hit(model, target, touch, tmp_path)
     off = apart(model, after, found)
     typical, most = CLOSE_ON_PYRAMID if contact["law"] == "pyramid_contact" else CLOSE[target]

@@ -12,7 +12,6 @@ from thesis_lib.contact import LAWS
 from thesis_lib.critique.contacts.dynamics import COURSE
 from thesis_lib.critique.contacts.kinds import bind
 from thesis_lib.critique.contacts.model import Model
-from thesis_lib.critique.likelihood.beside import whitened
 from thesis_lib.critique.likelihood.in_space.hits import observe_in_space
 from thesis_lib.datasets import dataset_of
 from thesis_lib.datasets.format.table_forms import POSITION
@@ -44,7 +43,7 @@ def left(o, *effects, **values):
     """Whitened residuals (m, 12) of the flights of a model with these effects, at null but for `values`."""
     model = model_with(*effects)
     at = {name: p.null for name, p in model.parameters.items()} | values
-    return whitened(o.flights, bind(model, at, o.rig))
+    return o.flights.whitened(bind(model, at, o.rig))
 
 
 def named_by_flights(o, effect):

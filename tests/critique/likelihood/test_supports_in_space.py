@@ -8,7 +8,6 @@ from thesis_lib.bodies.symmetry import Symmetry
 from thesis_lib.contact import LAWS
 from thesis_lib.critique.contacts.kinds import bind
 from thesis_lib.critique.contacts.model import Model
-from thesis_lib.critique.likelihood.beside import drawn, whitened
 from thesis_lib.critique.likelihood.supports import supports_in_space
 from thesis_lib.datasets.flights.parabolas import Hits
 from thesis_lib.datasets.format.samples import Samples
@@ -64,7 +63,7 @@ def bound(*effects, **values):
 def test_rests_of_a_right_model_are_noise(rng):
     (rests,) = recorded(rng)
     assert rests.channel == "rest" and len(rests) == TRIALS
-    z = whitened(rests, bound())
+    z = rests.whitened(bound())
     assert np.all(robust_std(z) < 1.3) and np.all(
         robust_std(z) > 0.4
     )  # noise of the mean, and the scatter that it makes
@@ -75,7 +74,7 @@ def test_a_surface_at_another_height_shows_in_the_gap_alone(rng):
     (rests,) = recorded(rng, higher=1e-3)
     gap, *leans = np.median(rests.residuals(bound()), axis=0)
     assert gap == pytest.approx(1e-3, abs=5e-5) and np.abs(leans).max() < 1e-3
-    z = whitened(rests, bound("surface_height", **{"surface_height.h": 1e-3}))
+    z = rests.whitened(bound("surface_height", **{"surface_height.h": 1e-3}))
     assert robust_std(z)[0] < 1.3
 
 
@@ -88,7 +87,7 @@ def test_a_body_that_still_hops_by_less_than_noise_lies_on_the_surface(rng):
 
 def test_an_attitude_that_is_off_shows_on_every_side(rng):
     (rests,) = recorded(rng, turned=(0.02, 0.0, 0.0))
-    z = whitened(rests, bound())
+    z = rests.whitened(bound())
     assert robust_std(z)[1:].min() > 5.0 and len(rests) == TRIALS
     undone = rests.less(rests.residuals(bound()))
     np.testing.assert_allclose(undone.residuals(bound()), 0.0, atol=1e-5)
@@ -97,24 +96,24 @@ def test_an_attitude_that_is_off_shows_on_every_side(rng):
 def test_a_body_that_slides_shows_the_friction_that_supports_it(rng):
     (slides,) = recorded(rng, deceleration=9.81 * SLIDES)
     assert slides.channel == "slide" and len(slides) > 0.9 * TRIALS
-    assert robust_std(whitened(slides, bound())).min() > 5.0
-    right = whitened(slides, bound("sliding_friction", **{"sliding_friction.mu_s": SLIDES}))
+    assert robust_std(slides.whitened(bound())).min() > 5.0
+    right = slides.whitened(bound("sliding_friction", **{"sliding_friction.mu_s": SLIDES}))
     np.testing.assert_allclose(robust_std(right), 1.0, atol=0.35)
     slip = np.hypot(*slides.state.velocity[:2]).mean()  # friction that falls with the slip is that of this one
     s = (SLIDES / MU - 1.0) * np.exp((slip / 3.0) ** 2)
     stribeck = bound(
         "velocity_dependent_friction", **{f"velocity_dependent_friction.{k}": v for k, v in (("s", s), ("v_s", 3.0))}
     )
-    np.testing.assert_allclose(robust_std(whitened(slides, stribeck)), 1.0, atol=0.35)
-    again = drawn(slides, bound(), rng)
-    np.testing.assert_allclose(robust_std(whitened(again, bound())), 1.0, atol=0.35)
+    np.testing.assert_allclose(robust_std(slides.whitened(stribeck)), 1.0, atol=0.35)
+    again = slides.drawn(bound(), rng)
+    np.testing.assert_allclose(robust_std(again.whitened(bound())), 1.0, atol=0.35)
 
 
 def test_slides_are_seen_while_the_body_spins_slowly_and_the_axes_are_those_of_no_table(rng):
     """On the measured cube no slide was found before: it spins a little, and the axes lean by 5 mrad."""
     (slides,) = recorded(rng, deceleration=9.81 * SLIDES, spin=1.0, slope=0.01)
     assert len(slides) > 0.9 * TRIALS
-    right = whitened(slides, bound("sliding_friction", **{"sliding_friction.mu_s": SLIDES}))
+    right = slides.whitened(bound("sliding_friction", **{"sliding_friction.mu_s": SLIDES}))
     np.testing.assert_allclose(robust_std(right), 1.0, atol=0.35)
     assert not recorded(rng, deceleration=9.81 * SLIDES, spin=15.0)  # that changes the friction
     assert not recorded(rng, deceleration=9.81 * SLIDES, slope=0.3)  # no table is so far off
@@ -123,7 +122,7 @@ def test_slides_are_seen_while_the_body_spins_slowly_and_the_axes_are_those_of_n
 def test_a_slide_that_ends_at_rest_is_used_without_its_end(rng):
     stops = [slides for slides in recorded(rng, deceleration=9.81 * SLIDES, stops=True) if slides.channel == "slide"]
     assert len(stops[0]) > 0.9 * TRIALS
-    right = whitened(stops[0], bound("sliding_friction", **{"sliding_friction.mu_s": SLIDES}))
+    right = stops[0].whitened(bound("sliding_friction", **{"sliding_friction.mu_s": SLIDES}))
     assert np.abs(np.median(right, axis=0)).max() < 0.5
 
 

@@ -20,7 +20,7 @@ from thesis_lib.critique.results.effect_sentences import unseen
 from thesis_lib.critique.results.summary import summary
 from thesis_lib.critique.results.tables import ladder as ladder_table
 from thesis_lib.critique.results.titles import counted_from
-from thesis_lib.critique.selection.discovery import Limit, Rejected, paired_gain
+from thesis_lib.critique.selection.discovery import Rejected, paired_gain
 from thesis_lib.critique.selection.scan import scan
 from thesis_lib.effects import EFFECTS, effects_in
 from thesis_lib.mechanics.space import PLANE
@@ -471,7 +471,7 @@ def test_what_the_held_out_trials_reject_and_where_the_search_ended_is_said(hidd
     assert told["rejected"] == [] and told["search"] == {"limit": None, "value": None, "tried": True}
     discovery, (_, _, than), (_, _, judged) = hidden_impacts.discovery, *hidden_impacts.ladder
     turned = Rejected(discovery.steps[0], than, judged)  # as if it made the error larger
-    cut = replace(discovery, steps=(), rejected=(turned,), limit=Limit("max_effects", 4))
+    cut = replace(discovery, steps=(), rejected=(turned,), limit=4)
     critique = replace(hidden_impacts, discovery=cut, ladder=hidden_impacts.ladder[:1], without={})
     content = diagnosis(critique, np.random.default_rng(0))
     (one,) = content["rejected"]

@@ -625,7 +625,7 @@ def test_held_out_trials_reject_what_lowers_none_of_their_errors():
 def test_a_search_knows_at_which_limit_it_ended():
     world = line(3, square=4.0 * SIZE, wave=2.0 * SIZE)
     assert found(world).limit is None
-    assert found(world, SearchSettings(max_effects=1)).limit == ("max_effects", 1)
+    assert found(world, SearchSettings(max_effects=1)).limit == 1
     assert found(world, fixed=["square"]).limit is None
     # the first finalist spoils, and the next one is asked
     world = line(3, Spoilt, square=4.0 * SIZE, step=1.5 * SIZE)

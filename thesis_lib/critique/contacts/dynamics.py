@@ -41,7 +41,7 @@ _H_PATH = 0.02  # s, for the change of the acceleration over a tenth of a second
 _H_BENT = 1e-4  # s, for one that bends parabolas: off by 1e-6 of ω² at 30 rad/s
 _AROUND = np.array([-1e-4, 0.0, 1e-4])  # s, for the velocity along an arc: as exact as that
 EQUAL = 1e-6  # of a moment of inertia
-COURSE, OF_COURSE = leggauss(12)  # where a flight of half-length 1 is followed, and the weights of these places
+COURSE = leggauss(12)[0]  # where a flight of half-length 1 is followed
 _ROUNDS = 6  # of the course of a flight, the first by gravity alone: 5e-4 rad at 19 rad/s, drag of 0.5/s, 0.15 s
 _ONCE, _TWICE = (  # integrals from the middle of polynomials that are known at `COURSE`
     legval(COURSE, legint(np.eye(len(COURSE)), m, lbnd=0)).T @ np.linalg.inv(legvander(COURSE, len(COURSE) - 1))
@@ -380,12 +380,8 @@ class Dynamics:
         )
         return State(pose, motion, end.trial, t, end.surface, end.space)
 
-    def arc(self, tau: np.ndarray, measured: State) -> np.ndarray | None:
+    def arc(self, tau: np.ndarray, true: State) -> np.ndarray | None:
         """True flight paths (n, W, 3) less parabolas, at times τ (n, W) in s; None if no effect bends them."""
-        return self._true_arc(tau, self.to_true(measured))
-
-    def _true_arc(self, tau: np.ndarray, true: State) -> np.ndarray | None:
-        """As `arc`, from a true state."""
         parts = [part for effect, p in self.active if (part := effect.arc(tau, true, p, self.flying)) is not None]
         return np.moveaxis(sum(parts[1:], parts[0]), 0, -1) if parts else None
 
@@ -424,7 +420,7 @@ class Dynamics:
 
     def _beyond(self, tau: np.ndarray, true: State, a: np.ndarray | None) -> np.ndarray | None:
         """Paths (n, W, d + turns) of true states less those of a constant acceleration a, at times τ (n, W) in s."""
-        beyond = self._true_arc(tau, true)
+        beyond = self.arc(tau, true)
         if a is not None and self.model.has_varying_flight:
             early, late = (self.true_acceleration(true.with_velocity(true.v + h * a)) for h in (-_H_PATH, _H_PATH))
             cubic = tau[..., None] ** 3 / 6.0 * (late - early)[:, None] / (2.0 * _H_PATH)

@@ -6,6 +6,7 @@ So an engine has every effect but those that change the impulse or the force its
 
 import numpy as np
 
+from thesis_lib.bodies.solids import UP
 from thesis_lib.contact.compliant.compiled import SPEED
 from thesis_lib.critique.contacts.contact_time import DAMPING_RATIO, IMPEDANCE
 from thesis_lib.critique.contacts.engine_contact import DEFAULT, LATE, LONGEST, SHORTEST
@@ -13,7 +14,7 @@ from thesis_lib.critique.contacts.pressing import Pressed, Touching
 from thesis_lib.engines.in_space import LEAST as SHARP
 from thesis_lib.engines.in_space import PressInSpace, TouchPoints, pressed
 from thesis_lib.engines.parameters import drake_numbers
-from thesis_lib.mechanics.space import SPACE, cross
+from thesis_lib.mechanics.space import SPACE
 
 OVER = 8.0  # contact times; a body that is still on the surface then stays there
 LEAST = 1e-3  # of ε
@@ -27,12 +28,8 @@ def in_engine(touching: Touching) -> Pressed:
     n, outline, force = len(frame), touching.shape.minkowski, dynamics.model.law.force
     assert force is not None  # the stand-in's
     gap, mu, loss, length = touching.points
-    W, spin, up = at.mobility[:, :, :n], frame.spin, np.array([[0.0], [0.0], [1.0]])
-    G = np.moveaxis(np.linalg.inv(np.moveaxis(W, -1, 0)), 0, -1)
-    couple = np.einsum("ijn,jn->in", G, touching.falling[:, 3:].T)
-    couple = couple + cross(spin, np.einsum("ijn,jn->in", G, spin))  # what turns the body beyond its free motion
-    tiled = frame.tiled(len(gap))
-    down = SPACE.turned_back(tiled.attitude, -np.repeat(up, len(tiled), axis=1))
+    (G, _, couple), tiled = touching.turning, frame.tiled(len(gap))
+    down = SPACE.turned_back(tiled.attitude, -np.repeat(UP, len(tiled), axis=1))
     to_middle = SPACE.turned_back(tiled.attitude, at.r) - outline.radius * down
     stretched = outline.squares[:, None] * down
     to_middle -= stretched / np.maximum(np.sqrt((down * stretched).sum(axis=0)), 1e-12)

@@ -12,8 +12,6 @@ the motion is then integrated from the touch of the first with springs at all co
 How contacts are pressed, and whether all of them are, says their kind (`kinds`).
 """
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from thesis_lib.critique.contacts.contact_time import duration
@@ -37,26 +35,6 @@ AT_FIRST = 4  # steps that are looked at first: a body was flown back by `LEAD` 
 _NOW = 1e-9  # s
 
 
-@dataclass(frozen=True)
-class EpisodeOutcome:
-    """Outcome of n episodes: the true state at the end, hits (n,), and masks of those that cannot be impacts."""
-
-    after: State
-    hits: np.ndarray
-    pressed: np.ndarray  # two corners at once
-    rests: np.ndarray  # the body has come to rest, or touches at the end
-
-
-def play(dynamics: Dynamics, true: State, span: np.ndarray, most: int = MOST_HITS) -> EpisodeOutcome:
-    """True states (n,) near the first touch, flown for `span` (n,) in s with all hits, at most `most`.
-
-    The states belong to the flight before the first hit, continued below the surface where it must: each body first
-    flies back by `LEAD`, and until nothing that comes down is deep.  With `most` = 1 the hit may come up to `LATEST`
-    after `span`; the arc after it is then followed back.
-    """
-    return _Play(dynamics, true, span, most).outcome()
-
-
 def contact(dynamics: Dynamics, touch: State) -> State:
     """True states (n,) at the end of a contact that takes time, from true states of bodies that touch.
 
@@ -69,8 +47,8 @@ def contact(dynamics: Dynamics, touch: State) -> State:
     down = touch.changed(position=place)
     span = np.clip(duration(1.0, dynamics.values["epsilon"]) * dynamics.delay(down), 10.0 * _NOW, LONGEST)
     for _ in range(2):  # another corner may hit before the body is back at the surface
-        played = _Play(dynamics, down, span, MOST_HITS, touches=True)
-        end = played.outcome().after
+        played = Played(dynamics, down, span, touches=True)
+        end = played.after
         left = np.maximum(np.where(played.hits > 0, played.over, 0.0) - span, 0.0)
         end = dynamics.flown(end, left)
         a, rise = played.rise(end)
@@ -80,13 +58,23 @@ def contact(dynamics: Dynamics, touch: State) -> State:
     return State(pose, motion, touch.trial, np.where(comes, end.t, touch.t), touch.surface, touch.space)
 
 
-class _Play:
-    """n bodies, each with its own clock `t` (n,) in s; `motion` (n, ·) are true poses and velocities.
+class Played:
+    """True states (n,) near the first touch, flown for `span` (n,) in s with all hits, at most `most`.
 
-    `touches`: the bodies touch where they start.
+    The states belong to the flight before the first hit, continued below the surface where it must: each body first
+    flies back by `LEAD`, and until nothing that comes down is deep, unless it `touches` where it starts.  With `most` =
+    1 the hit may come up to `LATEST` after `span`; the arc after it is then followed back.
+
+    Attributes:
+        t, motion: clock (n,) of each body in s, and its true pose and velocity (n, ·).
+        hits: (n,) number of hits.
+        pressed, rests: (n,) masks of those that cannot be impacts: two corners pressed at once; the body has come to
+            rest, or touches at the end.
     """
 
-    def __init__(self, dynamics: Dynamics, true: State, span: np.ndarray, most: int, touches: bool = False) -> None:
+    def __init__(
+        self, dynamics: Dynamics, true: State, span: np.ndarray, most: int = MOST_HITS, touches: bool = False
+    ) -> None:
         self.dynamics, self.start, self.most = dynamics, true, most
         self.span = span + LATEST if most == 1 else span
         self.points, n = contact_points(dynamics.rig), len(span)
@@ -119,8 +107,10 @@ class _Play:
             if not len(rows):
                 return
 
-    def outcome(self) -> EpisodeOutcome:
-        return EpisodeOutcome(self._state(np.arange(len(self.t))), self.hits, self.pressed, self.rests)
+    @property
+    def after(self) -> State:
+        """The true states at the end."""
+        return self._state(np.arange(len(self.t)))
 
     def _state(self, rows: np.ndarray) -> State:
         return self._of(self.motion[rows], self.t[rows], rows)

@@ -3,8 +3,7 @@
 | kind            | of a law                                    | a single hit                                        |
 |-----------------|---------------------------------------------|-----------------------------------------------------|
 | `ByImpulse`     | any                                         | its impulse where the arcs meet; the pose stays     |
-| `Integrated`    | with a force, where contacts take time      | its force, from touch until the body is off         |
-| `InEngine`      | that is an engine, where contacts take time | the engine's, from touch until the body is off      |
+| `Integrated`    | with a force, where contacts take time      | its force, or its engine, from touch until it is off |
 | `EngineInstant` | that is an engine, where they take none     | the engine's of impacts as stated, else `ByImpulse` |
 
 What is not one hit is played (`episodes`): the hits of an episode in turn, with flight between; corners that press at
@@ -22,7 +21,7 @@ from thesis_lib.critique.contacts.contact_time import DAMPING_RATIO, STICTION_TO
 from thesis_lib.critique.contacts.dynamics import Dynamics
 from thesis_lib.critique.contacts.engine_contact import press_in_engine
 from thesis_lib.critique.contacts.engine_in_space import in_engine
-from thesis_lib.critique.contacts.episodes import MOST_HITS, contact, play
+from thesis_lib.critique.contacts.episodes import MOST_HITS, Played, contact
 from thesis_lib.critique.contacts.model import Model
 from thesis_lib.critique.contacts.pressing import press
 from thesis_lib.effects.effect import Parameter, Rig
@@ -58,12 +57,10 @@ class ByImpulse(Dynamics):
     """Single hits by the law's impulse; the base of all kinds."""
 
     def press(self, true: State, left: np.ndarray | float = 0.0) -> tuple[State, np.ndarray]:
-        return press(self, true, left)
-
-    @staticmethod
-    def applies_to(model: Model) -> bool:
-        """Whether the model's contacts are of this kind; the first of `KINDS` for which it says so has them."""
-        return True
+        in_an_engine = bool(self.model.law.engine)
+        if in_an_engine and true.space.is_plane:
+            return press_in_engine(self, true)
+        return press(self, true, left, in_engine if in_an_engine else None)
 
     def stated(self, before: State, offset: np.ndarray) -> Prediction:
         """Of impacts that are stated with the velocities before and after, at one pose; `offset` as in `predict`."""
@@ -95,101 +92,63 @@ class ByImpulse(Dynamics):
 
     def end(self, before: State, span: np.ndarray, single: bool = False) -> State:
         """Measured states (n,) `span` (n,) in s after measured states at the first touch; `single`: of one hit."""
-        return self.to_measured(play(self, self.to_true(before), span, 1 if single else MOST_HITS).after)
+        return self.to_measured(Played(self, self.to_true(before), span, 1 if single else MOST_HITS).after)
 
     def off(self, touch: State) -> State:
         """True states at the end of contacts that take time, from true states at their touch (`episodes.contact`)."""
         return contact(self, touch)
 
-    # how a fit starts and ends, where steps along slopes do not lead everywhere
-
-    @staticmethod
-    def forerunner(model: Model) -> Model | None:
-        """A model whose fit finds a start; None: no fit needs one."""
-        return None
-
-    @staticmethod
-    def admitted(values: Mapping[str, float]) -> dict[str, float]:
-        """Start values, moved to where there are slopes."""
-        return dict(values)
-
-    @staticmethod
-    def reaches(p: Parameter) -> bool:
-        """Whether a fit comes back from the starts that an effect declares, if they are wrong."""
-        return True
-
-    @staticmethod
-    def withdrawn(values: Mapping[str, float]) -> dict[str, float]:
-        """Values to try again from, where a step may have gone too far to come back; {}: none."""
-        return {}
-
 
 class Integrated(ByImpulse):
-    """Contacts integrated under the law's force."""
+    """Contacts integrated under the law's force, or as a physics engine has them."""
 
     integrated = True
-
-    @staticmethod
-    def applies_to(model: Model) -> bool:
-        return model.is_compliant
-
-    @staticmethod
-    def forerunner(model: Model) -> Model:
-        # an integrated contact that takes no time has no slope along its time
-        return replace(model, law=replace(model.law, impulse=mirtich.impulse, force=None))
-
-    @staticmethod
-    def admitted(values: Mapping[str, float]) -> dict[str, float]:
-        start, ratio = {**values, "tau": max(values["tau"], BRIEF)}, DAMPING_RATIO
-        if start.get(ratio.name, 0.0) > 5.0 * ratio.null:
-            start[ratio.name] = ratio.null  # so strong a damper is rigid friction, whatever the ratio
-        return start
-
-    @staticmethod
-    def reaches(p: Parameter) -> bool:
-        return any(abs(x - p.null) <= FAR * p.scale for x in p.starts)
-
-    @staticmethod
-    def withdrawn(values: Mapping[str, float]) -> dict[str, float]:
-        # friction so sharp, or damped so strongly, is Coulomb's: there is no slope
-        tolerance, ratio = STICTION_TOLERANCE, DAMPING_RATIO
-        if values.get(tolerance.name, tolerance.null) < 0.5 * tolerance.null:
-            return {tolerance.name: tolerance.null}
-        return {ratio.name: ratio.scale} if values.get(ratio.name, ratio.null) > 2.0 * ratio.null else {}
-
-
-class InEngine(Integrated):
-    """Contacts as a physics engine has them."""
-
-    def press(self, true: State, left: np.ndarray | float = 0.0) -> tuple[State, np.ndarray]:
-        return press_in_engine(self, true) if true.space.is_plane else press(self, true, left, in_engine)
-
-    @staticmethod
-    def applies_to(model: Model) -> bool:
-        return bool(model.law.engine) and model.is_compliant
 
 
 class EngineInstant(ByImpulse):
     """An engine where contacts are taken as instants."""
 
-    press = InEngine.press
-
-    @staticmethod
-    def applies_to(model: Model) -> bool:
-        return bool(model.law.engine)
-
     def stated(self, before: State, offset: np.ndarray) -> Prediction:
         return Prediction(self.to_measured(self.press(self.to_true(before))[0]).v)
 
 
-KINDS = (InEngine, EngineInstant, Integrated, ByImpulse)
-
-
 def kind_of(model: Model) -> type[ByImpulse]:
     """The kind of the model's contacts."""
-    return next(kind for kind in KINDS if kind.applies_to(model))
+    if model.is_compliant:
+        return Integrated
+    return EngineInstant if model.law.engine else ByImpulse
 
 
 def bind(model: Model, values: Mapping[str, Any], rig: Rig) -> ByImpulse:
     """Dynamics of the model at these values, numbers or arrays (n,) with one for each body, by its kind of contact."""
     return kind_of(model)(model, values, rig)
+
+
+# how a fit of an integrated contact starts and ends: steps along slopes do not lead everywhere
+
+
+def forerunner(model: Model) -> Model:
+    """A model whose fit finds a start: an integrated contact that takes no time has no slope along its time."""
+    return replace(model, law=replace(model.law, impulse=mirtich.impulse, force=None))
+
+
+def admitted(values: Mapping[str, float]) -> dict[str, float]:
+    """Start values, moved to where there are slopes."""
+    start, ratio = {**values, "tau": max(values["tau"], BRIEF)}, DAMPING_RATIO
+    if start.get(ratio.name, 0.0) > 5.0 * ratio.null:
+        start[ratio.name] = ratio.null  # so strong a damper is rigid friction, whatever the ratio
+    return start
+
+
+def reaches(p: Parameter) -> bool:
+    """Whether a fit comes back from the starts that an effect declares, if they are wrong."""
+    return any(abs(x - p.null) <= FAR * p.scale for x in p.starts)
+
+
+def withdrawn(values: Mapping[str, float]) -> dict[str, float]:
+    """Values to try again from, where a step may have gone too far to come back; {}: none."""
+    # friction so sharp, or damped so strongly, is Coulomb's: there is no slope
+    tolerance, ratio = STICTION_TOLERANCE, DAMPING_RATIO
+    if values.get(tolerance.name, tolerance.null) < 0.5 * tolerance.null:
+        return {tolerance.name: tolerance.null}
+    return {ratio.name: ratio.scale} if values.get(ratio.name, ratio.null) > 2.0 * ratio.null else {}

@@ -96,6 +96,13 @@ class Touching:
         shape = self.dynamics.rig.shape
         return shape.polygon if isinstance(shape, Corner) else shape.solid if isinstance(shape, SupportPoint) else shape
 
+    @property
+    def turning(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """In space: inertia per mass (3, 3, n), momentum, and what turns bodies beyond their free motion (3, n)."""
+        G = np.moveaxis(np.linalg.inv(np.moveaxis(self.at.mobility[:, :, : len(self.frame)], -1, 0)), 0, -1)
+        momentum, couple = (np.einsum("ijn,jn->in", G, u) for u in (self.frame.spin, self.falling[:, 3:].T))
+        return G, momentum, couple + cross(self.frame.spin, momentum)
+
 
 def contact_points(rig: Rig) -> int:
     """Number of points of the body that may touch: its corners; one, the lowest, if it has none or too many."""
@@ -231,11 +238,8 @@ def _in_space(touching: Touching) -> Pressed:
     resisted = {name: value for kind in kinds for name, value in _parameters(at_corners, kind).items()}
     nulls = {"s": 0.0, "v_s": 1.0, "m_t": 0.0, "m_r": 0.0, "a_c": 0.0, "a_s": 0.0}
     friction = np.stack([np.full(len(touching.tiled), resisted.get(name, null))[:n] for name, null in nulls.items()])
-    W, spin = at.mobility[:, :, :n], frame.spin
-    G = np.moveaxis(np.linalg.inv(np.moveaxis(W, -1, 0)), 0, -1)
-    momentum, couple = (np.einsum("ijn,jn->in", G, u) for u in (spin, falling[:, 3:].T))
-    couple = couple + cross(spin, momentum)  # what turns the body beyond its torque-free motion
-    outline = touching.shape.minkowski
+    W, spin, outline = at.mobility[:, :, :n], frame.spin, touching.shape.minkowski
+    _, momentum, couple = touching.turning
     axes = rotation_matrix(frame.attitude)
     arrays = [at.r.reshape(3, -1, n), W, momentum, falling[:, :3].T, couple, axes, frame.velocity, spin]
     edges = np.full(len(touching.tiled), at_corners.values.get(EDGE_ANGLE.name, 0.0))[:n]

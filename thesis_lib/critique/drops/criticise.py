@@ -18,9 +18,8 @@ from thesis_lib.critique.drops.elsewhere import HitsElsewhere, hits_elsewhere
 from thesis_lib.critique.drops.features import remaining
 from thesis_lib.critique.drops.few_impacts import too_few
 from thesis_lib.critique.drops.judgement import Judgement
+from thesis_lib.critique.drops.one_body import refuse_what_is_not_one_body
 from thesis_lib.critique.drops.own_restitution import own_restitution
-from thesis_lib.critique.drops.planar.of_the_plane import of_the_plane
-from thesis_lib.critique.drops.planar.one_body import refuse_what_is_not_one_body
 from thesis_lib.critique.drops.settings import CritiqueSettings
 from thesis_lib.critique.drops.stand_ins import StandIn, stand_ins
 from thesis_lib.critique.drops.unpredictable import predictable
@@ -226,13 +225,12 @@ def irb_errors(fitted: Fit, observations: Observations) -> np.ndarray:
     return np.sqrt((left[:3] ** 2).sum(axis=0) + np.einsum("in,nij,jn->n", left[3:], G, left[3:]))
 
 
-@of_the_plane(lambda: None)
 def _refuse_constant(dataset: Dataset) -> None:
-    """Refuse a channel that never changes: it was not measured, so that no verdict is possible."""
+    """Refuse a channel of the plane that never changes: it was not measured, so that no verdict is possible."""
     direct = dataset.impacts is not None and len(dataset.impacts) > 0
     poses = POSE if dataset.has_angle else POSE[:2]
     table = dataset.impacts if direct else dataset.trajectories
-    if table is None or len(table) < 2:
+    if table is None or len(table) < 2 or not dataset.space.is_plane:
         return
     columns = (*V_PRE, *V_POST) if direct else poses
     lowest = dataset.shape.contact_point(np.linspace(0.0, 2.0 * np.pi, 181))[:, 1]

@@ -13,7 +13,6 @@ import warnings
 import numpy as np
 import pandas as pd
 
-from thesis_lib.critique.drops.planar.unknown_spin import velocity_left
 from thesis_lib.critique.likelihood.fit import Fit
 from thesis_lib.critique.likelihood.observations import Observations
 from thesis_lib.critique.selection.world import Remaining
@@ -100,8 +99,8 @@ def _errors(fitted: Fit, o: Observations) -> np.ndarray:
     """Residuals (n, d + turns) of the velocity after impact in m/s, in space along the axes of the slip."""
     here = fitted.on(o)
     if o.space.is_plane:
-        return o.as_speeds(velocity_left(here))
-    axes, R = slip_axes(here.dynamics.to_true(here.before), o.rig), velocity_left(here)
+        return o.as_speeds(here.velocity_left)
+    axes, R = slip_axes(here.dynamics.to_true(here.before), o.rig), here.velocity_left
     parts = (R[:, :3].T, o.rig.k_g * R[:, 3:].T)
     return np.concatenate([np.einsum("ijn,jn->ni", axes, part) for part in parts], axis=1)
 

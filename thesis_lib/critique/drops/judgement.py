@@ -11,7 +11,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from thesis_lib.critique.drops.planar.unknown_spin import left_over
 from thesis_lib.critique.likelihood.channels import CHANNELS, IMPACT, Channel, Misfits, present, worst_of_noise
 from thesis_lib.critique.likelihood.comparison import Comparison
 from thesis_lib.critique.likelihood.fit import Fit
@@ -109,14 +108,14 @@ def judge(fitted: Fit, o: Observations) -> Judgement:
         if z is not None and not o.space.is_plane:
             sigmas[name] /= worst_of_noise(*z.shape)
     m = o.space.motions
-    error = o.norm(left_over(here, R[:, :m]))
+    error = o.norm(here.left_over(R[:, :m]))
     floor, excess = np.nan, np.nan
     if o.noise_known:
         L = np.linalg.cholesky(S[:, :m, :m] + 1e-18 * np.eye(m))
         # the same draws for every model: equal residuals then have equal floors
         unit = np.random.default_rng(FLOOR_SEED).standard_normal((FLOOR_DRAWS, len(o), m))
         drawn = np.einsum("nij,dnj->dni", L, unit)
-        noise = o.norm(left_over(here, drawn))
+        noise = o.norm(here.left_over(drawn))
         floor, excess = float(noise.mean()), float(np.median(error) / np.median(noise))
     score, *others = whitening.log_scores(fitted.values)
     beside = {b.channel: (b.trial, scores) for b, scores in zip(o.beside, others)}

@@ -25,8 +25,8 @@ from thesis_lib.critique.drops.judgement import (
     judge,
     spoilt_channels,
 )
-from thesis_lib.critique.drops.planar.sliding import of_motion
 from thesis_lib.critique.drops.settings import CritiqueSettings
+from thesis_lib.critique.drops.sliding import of_motion
 from thesis_lib.critique.likelihood.channels import CHANNELS, IMPACT, SLIDE, concerned
 from thesis_lib.critique.likelihood.comparison import Comparison
 from thesis_lib.critique.likelihood.fit import (

@@ -32,7 +32,7 @@ from thesis_lib.critique.contacts.engine_contact import (
 )
 from thesis_lib.critique.contacts.model import Model
 from thesis_lib.critique.drops.criticise import DropsCritique
-from thesis_lib.critique.drops.planar.sliding import require_falling
+from thesis_lib.critique.drops.sliding import require_falling
 from thesis_lib.critique.drops.world import Drops
 from thesis_lib.critique.engines.fit import EngineFit, fit_engine
 from thesis_lib.critique.likelihood.comparison import Comparison

@@ -6,7 +6,7 @@ A new file is whole in itself.  A patched one is the user's, but for the numbers
 from dataclasses import dataclass
 from pathlib import Path
 
-from thesis_lib.critique.drops.planar.sliding import require_falling
+from thesis_lib.critique.drops.sliding import require_falling
 from thesis_lib.critique.export import drake_files, mjcf, patch_drake, patch_mjcf
 from thesis_lib.critique.export.of_plane import planar_body
 from thesis_lib.critique.export.of_space import body_in_space

@@ -38,7 +38,7 @@ def state_beside(dynamics: Dynamics, o: Observations, side: int) -> State:
 
     acceleration = _acceleration_beside_lines(dynamics, o)
     state = _flown_to_impact(o, side, acceleration, dynamics.model.has_varying_flight)
-    beyond = dynamics.arc(o.nodes[:, side], state) if dynamics.model.has_arc else None
+    beyond = dynamics.arc(o.nodes[:, side], dynamics.to_true(state)) if dynamics.model.has_arc else None
     if beyond is None:
         return state
     line = o.weights[:, side] @ beyond
@@ -59,7 +59,7 @@ def lines_beside(dynamics: Dynamics, o: Observations, side: int, state: State) -
     if dynamics.model.has_varying_flight:
         a = acceleration(state.with_velocity(speed + ARC_MEAN * o.bow[:, side, 1:] * a))
         pose = o.space.shift(pose, _bent(o, side, acceleration, state, a).T)
-    beyond = dynamics.arc(o.nodes[:, side], state)
+    beyond = dynamics.arc(o.nodes[:, side], dynamics.to_true(state))
     if beyond is not None:
         line = o.weights[:, side] @ beyond
         pose, speed = o.space.shift(pose, line[:, 0].T), speed + line[:, 1]

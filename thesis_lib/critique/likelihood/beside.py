@@ -1,48 +1,67 @@
-"""Interface of evidence beside impacts, each kind with residuals of its own."""
+"""Evidence beside impacts, each kind with residuals of its own."""
 
-from typing import Protocol, Self, TypeVar
+from dataclasses import dataclass, replace
+from typing import ClassVar, Self
 
 import numpy as np
 
 from thesis_lib.critique.contacts.dynamics import Dynamics
+from thesis_lib.mechanics.state import State
 
 
-class Beside(Protocol):
-    """m measurements with c residuals each, independent of each other and of the impacts.
+@dataclass(frozen=True)
+class Beside:
+    """m measured states, independent of each other and of the impacts, and the variance (m, c) of their residuals.
 
-    `channel`: its name in `channels`.  `trial` (m,).  `variance` (m, c) of the residuals.
+    `channel` is its name in `channels`; `of_all` are names of arrays that do not have a row for each measurement.
     """
 
+    state: State
+    variance: np.ndarray
+
+    channel: ClassVar[str]
+    of_all: ClassVar[tuple[str, ...]] = ()
+
+    def __len__(self) -> int:
+        return len(self.variance)
+
     @property
-    def channel(self) -> str: ...
-    @property
-    def trial(self) -> np.ndarray: ...
-    @property
-    def variance(self) -> np.ndarray: ...
-    def __len__(self) -> int: ...
+    def trial(self) -> np.ndarray:
+        """Trial (m,) of each."""
+        return self.state.trial
+
+    def select(self, rows: np.ndarray) -> Self:
+        """The measurements at `rows`."""
+        arrays = {name: part for name, part in vars(self).items() if name not in ("state", *self.of_all)}
+        return replace(self, state=self.state.select(rows), **{name: part[rows] for name, part in arrays.items()})
+
     def of_trials(self, trials: np.ndarray) -> Self:
         """The same for the given trials only."""
-        ...
+        return self.select(np.flatnonzero(np.isin(self.trial, trials)))
 
     def residuals(self, dynamics: Dynamics) -> np.ndarray:
         """Measured minus predicted (m, c)."""
-        ...
+        raise NotImplementedError
 
     def less(self, residuals: np.ndarray) -> Self:
         """The same with measurements that are smaller by (m, c)."""
-        ...
+        raise NotImplementedError
+
+    def whitened(self, dynamics: Dynamics) -> np.ndarray:
+        """Residuals (m, c) in standard deviations."""
+        return self.residuals(dynamics) / np.sqrt(self.variance)
+
+    def drawn(self, dynamics: Dynamics, rng: np.random.Generator) -> Self:
+        """The same measurements drawn from a model, with their noise."""
+        residuals = self.residuals(dynamics)
+        return self.less(residuals).less(-np.sqrt(self.variance) * rng.standard_normal(residuals.shape))
 
 
-def whitened(beside: Beside, dynamics: Dynamics) -> np.ndarray:
-    """Residuals (m, c) in standard deviations."""
-    return beside.residuals(dynamics) / np.sqrt(beside.variance)
+@dataclass(frozen=True)
+class Accelerations(Beside):
+    """Measured accelerations (m, c)."""
 
+    acceleration: np.ndarray
 
-B = TypeVar("B", bound=Beside)
-
-
-def drawn(beside: B, dynamics: Dynamics, rng: np.random.Generator) -> B:
-    """The same measurements drawn from a model, with their noise."""
-    residuals = beside.residuals(dynamics)
-    exact = beside.less(residuals)
-    return exact.less(-np.sqrt(beside.variance) * rng.standard_normal(residuals.shape))
+    def less(self, residuals: np.ndarray) -> Self:
+        return replace(self, acceleration=self.acceleration - residuals)

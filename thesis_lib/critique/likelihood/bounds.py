@@ -28,7 +28,7 @@ EDGE = 0.5 * Z95**2  # nats
 WIDE = 0.25  # of the range of a parameter: a 95 % interval as wide is compared with the profile
 NO_SLOPE = 1e-6  # of a parameter's scale: rounding gives such a standard error where nothing depends on it
 POINTS, STAGES = 16, 4  # of the search for an edge: it ends within 10⁻⁵ of the range
-SLOPE_STEP = 1e-3  # of a parameter's scale
+SLOPE_STEP = 1e-3  # of a parameter's scale: finite differences
 
 
 @dataclass(frozen=True)

@@ -9,8 +9,14 @@ What is measured beside impacts has its own residuals (`beside`).
 
 The covariance S (`covariance`) counts the noise of *all* data, also of a law's inputs.  Where nobody measured the spin
 before an impact, S also holds what it does to the prediction over all spins that are believed possible (`SPINS`), of
-which the prediction is the mean.  An episode bends: which corner hits first may hang on a milliradian.  Its covariance
-goes to second order in the noise, and it has no κ, because its touch is solved for.
+which the prediction is the mean.  An error in m/s must not count what the spin may have done either.  With S_ω the
+scatter by the spin, and R the residual of the velocity,
+
+    R − E[R(ω) | R] = (1 − S_ω S⁻¹) R = S_0 S⁻¹ R,    S = S_0 + S_ω,
+
+is what is left of it once the most probable spin is taken out (`velocity_left`); where friction is full whatever the
+spin, all of it is.  An episode bends: which corner hits first may hang on a milliradian.  Its covariance goes to second
+order in the noise, and it has no κ, because its touch is solved for.
 """
 
 from collections.abc import Iterator, Mapping
@@ -37,6 +43,7 @@ _NODES, _WEIGHTS = hermegauss(7)
 _FEWER, _OF_FEWER = hermegauss(5)
 SPINS = {2: _NODES[None], 3: np.array([*(axis.ravel() for axis in np.meshgrid(_FEWER, _FEWER)), np.zeros(25)])}
 _OF_SPIN = {len(w): w / w.sum() for w in (_WEIGHTS, np.outer(_OF_FEWER, _OF_FEWER).ravel())}
+_LEAST = 1e-18  # (m/s)²
 SHARED = 1000  # impacts of a part of the work that processes share: a tenth of a second where contacts are integrated
 COPIES = 25  # of an episode in space, moved to either side along each axis of its noise
 KEPT = 8  # points whose residuals observations keep: a fit ends where the next begins
@@ -122,6 +129,28 @@ class Comparison:
             moved = d + space.turns * space.is_plane  # nobody sees how a ball has turned
             R[:, :, m : m + moved] = np.nan_to_num(q - over_spins(q))[:, :, :moved]
         return over_spins(R[..., :, None] * R[..., None, :])
+
+    @property
+    def velocity_left(self) -> np.ndarray:
+        """Residual (n, d + turns) in m/s, rad/s of the velocity after impact that no unknown spin accounts for."""
+        return self.left_over(self.R[:, : self.observations.space.motions])
+
+    def left_over(self, R: np.ndarray) -> np.ndarray:
+        """Residuals R (..., n, d + turns) that no unknown spin explains; all of R where the spin is measured."""
+        return np.einsum("nij,...nj->...ni", self.what_is_left, R) if self.observations.spin else R
+
+    @property
+    def what_is_left(self) -> np.ndarray:
+        """Matrices (n, d + turns, d + turns) that leave what no unknown spin explains, and nothing of that after."""
+        o = self.observations
+        d, m = o.space.dimension, o.space.motions
+        if not o.spin:
+            return np.tile(np.eye(m), (len(o), 1, 1))
+        S = self.covariance(o.t_std)[:, :d, :d]
+        S_0 = S - self.of_spin[:, :d, :d]
+        left = np.zeros((len(o), m, m))
+        left[:, :d, :d] = S_0 @ np.linalg.inv(S + _LEAST * np.eye(d))
+        return left
 
     @cached_property
     def noisy(self) -> Noisy:

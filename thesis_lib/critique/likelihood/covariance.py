@@ -7,7 +7,6 @@ far as noise reaches it.  κ is wide, because the instant of impact is unknown a
 noise nor model explains (`fit`).
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import product
 
@@ -35,22 +34,6 @@ class Noisy:
         """
         w, kappa = self.by_instant, np.broadcast_to(instant, len(self.value))
         return self.noise + kappa[:, None, None] ** 2 * w[:, :, None] * w[:, None, :]
-
-
-def noise_covariance(
-    statistic: Callable[[Observations], np.ndarray],
-    observations: Observations,
-    instant: np.ndarray | float,
-    with_samples: bool,
-) -> np.ndarray:
-    """Covariance (n, m, m) of a statistic of n impacts from the noise of all data, by secants.
-
-    Args:
-        statistic: maps any observations to (n, m).
-        instant: κ in s, scalar or (n,).
-        with_samples: whether the statistic uses `nodes` and `weights`.
-    """
-    return noisy(observations, statistic(copies_moved(observations, with_samples))).covariance(instant)
 
 
 def copies_moved(o: Observations, with_samples: bool) -> Observations:

@@ -13,9 +13,9 @@ from itertools import product, zip_longest
 import numpy as np
 
 from thesis_lib.critique.contacts.contact_time import CONTACT_TIME
-from thesis_lib.critique.contacts.kinds import BRIEF, kind_of
+from thesis_lib.critique.contacts.kinds import BRIEF, admitted, forerunner, kind_of, reaches, withdrawn
 from thesis_lib.critique.contacts.model import Model, inward
-from thesis_lib.critique.likelihood.bounds import Bound, doubtful, profiled, slip_is_known
+from thesis_lib.critique.likelihood.bounds import SLOPE_STEP, Bound, doubtful, profiled, slip_is_known
 from thesis_lib.critique.likelihood.comparison import Comparison
 from thesis_lib.critique.likelihood.levenberg_marquardt import ENOUGH, NEAR, levenberg_marquardt
 from thesis_lib.critique.likelihood.observations import Observations
@@ -35,7 +35,6 @@ from thesis_lib.foundation.errors import UserError
 
 ROUNDS = 3  # of S, σ_m and weights; the third moves parameters by less than a tenth of their standard error
 MOST_TRIES = 4  # starts of a fit; of a discrete parameter each of its values, in space those that begin best
-SLOPE_STEP = 1e-3  # of a parameter's scale: finite differences
 # times that, of contacts in space that take time, at first: narrow differences see the jumps of single episodes, where
 # one more corner hits, and no slope.  The first is a fifth of a parameter's scale
 WIDER = (200.0, 40.0, 8.0)
@@ -290,7 +289,7 @@ class _Search:
     """Fits of one model to observations, from every start that is worth one."""
 
     def __init__(self, model: Model, observations: Observations) -> None:
-        self.model, self.observations, self.kind = model, observations, kind_of(model)
+        self.model, self.observations, self.integrated = model, observations, kind_of(model).integrated
         # what was added last
         self.sizes = {
             f"{effect.name}.{p.name}": p for effect in model.effects[-1:] for p in model.parameters_of(effect)
@@ -299,9 +298,9 @@ class _Search:
     def best(self, start: Mapping[str, float], rounds: int, noise: Noise | None) -> Fit:
         """As `fit`."""
         o, most = self.observations, self.model.parameters["mu"].high
-        if "tau" not in start and (forerunner := self.kind.forerunner(self.model)):
-            start = fit(forerunner, o, start, rounds=1).values
-        tries = self._with_sizes(self._with_friction(self.kind.admitted(start)))
+        if self.integrated and "tau" not in start:
+            start = fit(forerunner(self.model), o, start, rounds=1).values
+        tries = self._with_sizes(self._with_friction(admitted(start) if self.integrated else dict(start)))
         if not self.sizes.keys() & start.keys() and self.sizes and tries[0].get("mu") == most:
             # what stuck without the effect may slip with it
             tries = [t | basin for t in tries[:2] for basin in ({}, self._basins(o, t)[0])]
@@ -317,7 +316,7 @@ class _Search:
         found = self._best_of([(o, t) for t in tries], rounds, first, self._most)
         if rounds > 1 or "mu" not in start:
             found = self._stuck(found, most)
-        back = self.kind.withdrawn(found.values)
+        back = withdrawn(found.values) if self.integrated else {}
         again = fit_each(self.model, [(o, found.values | back)], rounds) if back else []
         return max(found, *again, key=lambda fitted: fitted.score) if again else found
 
@@ -365,7 +364,8 @@ class _Search:
             else:
                 # off the null, where many effects have no slope
                 either_side = (p.null + p.scale, p.null - p.scale)
-                options = p.starts[:2] * self.kind.reaches(p) or either_side[: 2 if p.low < p.null < p.high else 1]
+                starts = p.starts[:2] if not self.integrated or reaches(p) else ()
+                options = starts or either_side[: 2 if p.low < p.null < p.high else 1]
                 tries = [{**t, key: float(np.clip(x, p.low, p.high))} for t in tries for x in options]
         return tries
 

@@ -2,12 +2,14 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, fields, replace
+from typing import Self
 
 import numpy as np
 from numpy.polynomial.legendre import leggauss
 from scipy.special import roots_gegenbauer
 
 from thesis_lib.critique.contacts.dynamics import Dynamics
+from thesis_lib.critique.likelihood.beside import Accelerations
 from thesis_lib.datasets.flights.parabolas import SOME, Parabolas
 from thesis_lib.mechanics.space import PLANE, Space
 from thesis_lib.mechanics.state import State
@@ -22,27 +24,17 @@ MANY = 1.0 / 3.0  # share of the flights; where something bends all of them, sho
 
 
 @dataclass(frozen=True)
-class Flights:
+class Flights(Accelerations):
     """m flights: state at mid-flight, acceleration (m, 3) in m/s², rad/s² with variance (m, 3), span (m,) in s.
 
     `bent` (b,) are the trials of further flights, which are not parabolas and have no acceleration.
     """
 
-    state: State
-    acceleration: np.ndarray
-    variance: np.ndarray
     span: np.ndarray
-    bent: np.ndarray = field(default_factory=lambda: np.zeros(0, int))
+    bent: np.ndarray = field(default_factory=lambda: np.zeros(0, int), kw_only=True)
 
     channel = "flight"
-
-    def __len__(self) -> int:
-        return len(self.acceleration)
-
-    def select(self, rows: np.ndarray) -> "Flights":
-        """The flights at `rows`, and those that are not parabolas."""
-        state = self.state.select(rows)
-        return Flights(state, self.acceleration[rows], self.variance[rows], self.span[rows], self.bent)
+    of_all = ("bent",)
 
     @staticmethod
     def joined(parts: "Sequence[Flights]") -> "Flights":
@@ -51,15 +43,9 @@ class Flights:
         arrays = {name: np.concatenate([getattr(part, name) for part in parts]) for name in names}
         return replace(parts[0], state=State.joined([part.state for part in parts]), **arrays)
 
-    def of_trials(self, trials: np.ndarray) -> "Flights":
+    def of_trials(self, trials: np.ndarray) -> Self:
         """The flights of the given trials."""
-        found = self.select(np.flatnonzero(np.isin(self.state.trial, trials)))
-        return replace(found, bent=self.bent[np.isin(self.bent, trials)])
-
-    @property
-    def trial(self) -> np.ndarray:
-        """Trial (m,) of each."""
-        return self.state.trial
+        return replace(super().of_trials(trials), bent=self.bent[np.isin(self.bent, trials)])
 
     def residuals(self, dynamics: Dynamics) -> np.ndarray:
         """Acceleration measured minus predicted (m, 3), m/s² and rad/s²."""
@@ -97,15 +83,11 @@ class Flights:
                 h = 0.5 * node * span
                 later = state.with_velocity(speed + h * first + 0.5 * h**2 * jerk)
                 predicted = predicted + weight * dynamics.acceleration(later)
-        beyond = dynamics.arc(tau, state)
+        beyond = dynamics.arc(tau, dynamics.to_true(state))
         if beyond is not None:
             # curvature of the parabola through the path's deviation from constant acceleration
             predicted = predicted + np.einsum("nw,nwc->nc", of_square, beyond)
         return self.acceleration - predicted
-
-    def less(self, residuals: np.ndarray) -> "Flights":
-        """The same with accelerations that are smaller by (m, 3)."""
-        return replace(self, acceleration=self.acceleration - residuals)
 
     @property
     def are_bent(self) -> bool:
@@ -116,7 +98,7 @@ class Flights:
 def flights_of(found: Parabolas) -> Flights:
     """The flights that these parabolas measure."""
     state = State.of(found.fitted[:, 0], found.fitted[:, 1], found.trial, found.t)
-    return Flights(state, found.fitted[:, 2], found.variance, found.span, found.bent)
+    return Flights(state, found.variance, found.fitted[:, 2], found.span, bent=found.bent)
 
 
 def no_flights(space: Space = PLANE) -> Flights:

@@ -30,7 +30,7 @@ from thesis_lib.datasets.impacts.spin import unseen_spin
 from thesis_lib.effects.effect import ORIGIN, Effect, Reference, Rig
 from thesis_lib.mechanics.frame import Frame
 from thesis_lib.mechanics.inertia import in_world
-from thesis_lib.mechanics.space import Space
+from thesis_lib.mechanics.space import PLANE, Space
 from thesis_lib.mechanics.state import State
 
 UNKNOWN = 100.0  # times what is known of a spin, or a gap: so wide that it says nothing
@@ -243,10 +243,19 @@ def rig_of(dataset: Dataset, surface: int = 0) -> Rig:
     return Rig(shape, dataset.k_g, g, 0.0, (), dataset.has_angle, ORIGIN, tensor, down, tracked, frame.attitude)
 
 
-def _single(n: int) -> dict[str, Any]:
+def single_hits(n: int, space: Space = PLANE) -> dict[str, Any]:
     """Defaults of n impacts: single hits on one surface, with the contact point of the shape."""
-    arrays = {"surface": np.zeros(n, int), "hits": np.ones(n, int), "offset": np.zeros((n, 2))}
+    arrays = {"surface": np.zeros(n, int), "hits": np.ones(n, int), "offset": np.zeros((n, space.dimension))}
     return arrays | {"span": np.zeros(n), "t_std": np.zeros(n)}
+
+
+def as_stated(q: np.ndarray, motion: np.ndarray, t: np.ndarray, space: Space = PLANE) -> dict[str, Any]:
+    """Those of stated impacts: poses q (n, ·), motions (n, 2, d + turns) before and after, t (n,) in s or NaN."""
+    n, known = len(q), t[np.isfinite(t)]
+    arrays = {"t": np.where(np.isfinite(t), t, float(known.mean()) if len(known) else 0.0)}
+    arrays |= {"value": np.stack([q, q], axis=1), "slope": motion, "bow": np.zeros((n, 2, 2))}
+    arrays |= {"nodes": np.zeros((n, 2, NODES)), "weights": np.zeros((n, 2, 2, NODES))}
+    return single_hits(n, space) | arrays
 
 
 def _from_impacts(found: FoundImpacts, rig: Rig) -> Observations:
@@ -257,27 +266,11 @@ def _from_impacts(found: FoundImpacts, rig: Rig) -> Observations:
         variance = np.einsum("nii->ni", impacts.cov)
         cov[:, 0, :, 0, 0] = cov[:, 1, :, 0, 0] = variance[:, 0:3]
         cov[:, 0, :, 1, 1], cov[:, 1, :, 1, 1] = variance[:, 3:6], variance[:, 6:9]
-    arrays = {
-        "trial": impacts.trial,
-        "surface": impacts.surface,
-        "impact": impacts.impact,
-        "t": np.where(np.isfinite(impacts.t), impacts.t, mean_of_known(impacts.t)),
-        "value": np.stack([impacts.q, impacts.q], axis=1),
-        "slope": np.stack([impacts.v_pre, impacts.v_post], axis=1),
-        "bow": np.zeros((n, 2, 2)),
-        "cov": cov,
-        "nodes": np.zeros((n, 2, NODES)),
-        "weights": np.zeros((n, 2, 2, NODES)),
-        "offset": impacts.r - rig.shape.contact_point(impacts.q[:, 2]),
-    }
+    arrays = as_stated(impacts.q, np.stack([impacts.v_pre, impacts.v_post], axis=1), impacts.t)
+    arrays |= {name: getattr(impacts, name) for name in ("trial", "surface", "impact")} | {"cov": cov}
+    arrays["offset"] = impacts.r - rig.shape.contact_point(impacts.q[:, 2])
     known = impacts.cov is not None
-    return Observations(rig, **_single(n) | arrays, arcs=False, flights=no_flights(), noise_known=known, found=found)
-
-
-def mean_of_known(t: np.ndarray) -> float:
-    """Mean in s of the times (n,) that are not NaN; 0 if all are."""
-    known = t[np.isfinite(t)]
-    return float(known.mean()) if len(known) else 0.0
+    return Observations(rig, **arrays, arcs=False, flights=no_flights(), noise_known=known, found=found)
 
 
 def _from_samples(samples: Samples, found: FoundImpacts, rig: Rig) -> Observations:
@@ -286,7 +279,7 @@ def _from_samples(samples: Samples, found: FoundImpacts, rig: Rig) -> Observatio
     most = arcs[["n_pre", "n_post"]].to_numpy()
     edges, variance = found.hits.edges(impacts.trial, impacts.t, found.guard), found.noise.variance(bool(rig.walls))
     lines = side_lines(samples, impacts.trial, impacts.t, edges, most, variance)
-    arrays: dict[str, Any] = _single(len(impacts)) | vars(lines)
+    arrays: dict[str, Any] = single_hits(len(impacts)) | vars(lines)
     arrays |= {name: getattr(impacts, name) for name in ("trial", "surface", "impact", "t")}
     arrays["t_std"] = arcs["t_std"].to_numpy()
     finite = np.isfinite(arrays["cov"]).all(axis=(1, 2, 3, 4)) & np.isfinite(arrays["value"]).all(axis=(1, 2))
@@ -350,7 +343,7 @@ def _with_episodes(single: Observations, samples: Samples, header: Header, setti
     middle = samples.position(trial, end) + (most[:, 1] - 1) // 2
     end = np.minimum(end + LATE, samples.t[middle])
     before, after = (side_lines(samples, trial, at, edges, most, found.noise.variance(False)) for at in (t, end))
-    episodes = _single(len(table)) | vars(before.with_after(after))
+    episodes = single_hits(len(table)) | vars(before.with_after(after))
     episodes |= {"trial": trial, "impact": table["impact"].to_numpy(), "t": t, "span": end - t}
     episodes["hits"] = (table["last"] - table["impact"] + 1).to_numpy()
     return with_episodes(single, episodes, table)

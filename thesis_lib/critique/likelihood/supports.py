@@ -26,12 +26,12 @@ import numpy as np
 from thesis_lib.bodies.solids import UP
 from thesis_lib.bodies.symmetry import Symmetry
 from thesis_lib.critique.contacts.dynamics import Dynamics
-from thesis_lib.critique.likelihood.beside import Beside
+from thesis_lib.critique.likelihood.beside import Accelerations, Beside
 from thesis_lib.datasets.flights.parabolas import Hits
 from thesis_lib.datasets.format.header import Header
 from thesis_lib.datasets.format.samples import Samples
 from thesis_lib.datasets.impacts.found import FoundImpacts
-from thesis_lib.datasets.impacts.supports import Supported, find_rests, find_slides, resting_and_sliding
+from thesis_lib.datasets.impacts.supports import find_rests, find_slides, resting_and_sliding
 from thesis_lib.effects.effect import Rig
 from thesis_lib.mechanics.space import SPACE
 from thesis_lib.mechanics.state import State
@@ -40,33 +40,7 @@ _H = 1e-3  # s, for the acceleration that a camera reports: its map is linear in
 
 
 @dataclass(frozen=True)
-class OnSurface:
-    """m measured states on the surface, and the variance (m, c) of their residuals."""
-
-    state: State
-    variance: np.ndarray
-
-    def __len__(self) -> int:
-        return len(self.variance)
-
-    @property
-    def trial(self) -> np.ndarray:
-        """Trial (m,) of each."""
-        return self.state.trial
-
-    @classmethod
-    def of(cls, found: Supported) -> Self:
-        """Evidence from what was found in the samples."""
-        return cls(found.state, found.variance)
-
-    def of_trials(self, trials: np.ndarray) -> Self:
-        """The same for the given trials only."""
-        rows = np.flatnonzero(np.isin(self.trial, trials))
-        return replace(self, state=self.state.select(rows), variance=self.variance[rows])
-
-
-@dataclass(frozen=True)
-class Rests(OnSurface):
+class Rests(Beside):
     """Bodies that lie still."""
 
     channel = "rest"
@@ -84,21 +58,10 @@ class Rests(OnSurface):
 
 
 @dataclass(frozen=True)
-class Slides(OnSurface):
+class Slides(Accelerations):
     """Bodies that slide without turning; `acceleration` (m, 1) along the surface in m/s²."""
 
-    acceleration: np.ndarray
-
     channel = "slide"
-
-    @classmethod
-    def of(cls, found: Supported) -> Self:
-        """Evidence from what was found in the samples."""
-        return cls(found.state, found.variance, found.measured)
-
-    def of_trials(self, trials: np.ndarray) -> Self:
-        """The same for the given trials only."""
-        return replace(super().of_trials(trials), acceleration=self.acceleration[np.isin(self.trial, trials)])
 
     def residuals(self, dynamics: Dynamics) -> np.ndarray:
         """Acceleration measured minus predicted (m, 1) in m/s²."""
@@ -107,18 +70,15 @@ class Slides(OnSurface):
         seen_by_camera = (dynamics.to_measured(state).vx for state in (later, true))
         return self.acceleration - ((next(seen_by_camera) - next(seen_by_camera)) / _H)[:, None]
 
-    def less(self, residuals: np.ndarray) -> Self:
-        """The same with accelerations that are smaller by (m, 1)."""
-        return replace(self, acceleration=self.acceleration - residuals)
-
 
 @dataclass(frozen=True)
-class SpaceRests(OnSurface):
+class SpaceRests(Beside):
     """Bodies that lie still, of one solid."""
 
     symmetry: Symmetry
 
     channel = "rest"
+    of_all = ("symmetry",)
 
     def residuals(self, dynamics: Dynamics) -> np.ndarray:
         """Gap in m and turns in rad (m, 3)."""
@@ -136,18 +96,10 @@ class SpaceRests(OnSurface):
 
 
 @dataclass(frozen=True)
-class SpaceSlides(OnSurface):
-    """Bodies that slide without turning; `acceleration` (m, 2) along the surface in m/s², over `span` (m,) in s."""
+class SpaceSlides(Slides):
+    """The same in space; `acceleration` (m, 2) along the surface in m/s², over `span` (m,) in s."""
 
-    acceleration: np.ndarray
     span: np.ndarray
-
-    channel = "slide"
-
-    def of_trials(self, trials: np.ndarray) -> Self:
-        """The same for the given trials only."""
-        rows = np.isin(self.trial, trials)
-        return replace(super().of_trials(trials), acceleration=self.acceleration[rows], span=self.span[rows])
 
     def residuals(self, dynamics: Dynamics) -> np.ndarray:
         """Acceleration measured minus predicted (m, 2) in m/s²."""
@@ -157,21 +109,19 @@ class SpaceSlides(OnSurface):
         seen = dynamics.to_measured(later).velocity - dynamics.to_measured(true).velocity
         return self.acceleration - seen[:2].T / _H
 
-    def less(self, residuals: np.ndarray) -> Self:
-        """The same with accelerations that are smaller by (m, 2)."""
-        return replace(self, acceleration=self.acceleration - residuals)
-
-
-KINDS = {"rest": (Rests, find_rests), "slide": (Slides, find_slides)}
-
 
 def supports_of(found: FoundImpacts, header: Header, channels: Sequence[str]) -> tuple[Beside, ...]:
     """The evidence of these `channels` that trajectories hold of a body that falls on one surface."""
     if found.samples is None or header.surfaces is not None or not header.gravity:
         return ()
-    of = (KINDS[name] for name in channels)
-    parts = ((kind, find(found.samples, found.hits, header, found.noise.used)) for kind, find in of)
-    return tuple(kind.of(part) for kind, part in parts if part is not None)
+    parts = []
+    for name in channels:
+        find = find_slides if name == Slides.channel else find_rests
+        one = find(found.samples, found.hits, header, found.noise.used)
+        if one is not None:
+            known = (one.state, one.variance)
+            parts.append(Slides(*known, one.measured) if name == Slides.channel else Rests(*known))
+    return tuple(parts)
 
 
 def supports_in_space(

@@ -5,7 +5,6 @@ from dataclasses import replace
 import numpy as np
 
 from thesis_lib.critique.likelihood.at_impact import lines_beside
-from thesis_lib.critique.likelihood.beside import drawn
 from thesis_lib.critique.likelihood.comparison import Comparison
 from thesis_lib.critique.likelihood.observations import Observations
 from thesis_lib.mechanics.state import State
@@ -49,5 +48,5 @@ def synthesise(comparison: Comparison, rng: np.random.Generator, scatter: float 
     L = np.linalg.cholesky(o.cov + 1e-30 * np.eye(m))
     noise = (L @ rng.standard_normal((*o.cov.shape[:-1], 1))).reshape(*o.slope.shape, 2)
     value = np.stack([space.shift(value[:, side].T, noise[:, side, :, 0].T).T for side in (0, 1)], axis=1)
-    flights, *supports = (drawn(beside, dynamics, rng) for beside in o.beside)
+    flights, *supports = (beside.drawn(dynamics, rng) for beside in o.beside)
     return replace(o, value=value, slope=slope + noise[..., 1], flights=flights, supports=tuple(supports))

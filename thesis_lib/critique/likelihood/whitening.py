@@ -18,7 +18,6 @@ from scipy.special import gammaln
 
 from thesis_lib.critique.contacts.kinds import bind, kind_of
 from thesis_lib.critique.contacts.model import Model
-from thesis_lib.critique.likelihood.beside import whitened
 from thesis_lib.critique.likelihood.comparison import SHARED, Comparison
 from thesis_lib.critique.likelihood.levenberg_marquardt import Weighted
 from thesis_lib.critique.likelihood.observations import Observations
@@ -91,10 +90,6 @@ class Whitening:
         """Whitened residuals, as a call gives them, for each of several sets of values."""
         return together([(self, points)])[0]
 
-    def at_impact(self, values: Mapping[str, float]) -> tuple:
-        """Values on which the states at impact and the flights depend."""
-        return tuple(values[name] for name in self.model.flight_parameters)
-
     def stacked(self, values: Mapping[str, float]) -> np.ndarray:
         """All whitened residuals as one vector (N,), impacts first."""
         return np.concatenate([part.ravel() for part in self(values)])
@@ -139,7 +134,7 @@ def together(requests: Sequence[Request]) -> list[list[Parts]]:
 
     def all_parts(i: int, k: int, w: Whitening, values: Mapping[str, float]) -> Parts:
         o = w.observations
-        supports = (whitened(beside, bind(w.model, values, o.rig)) for beside in o.supports)
+        supports = (beside.whitened(bind(w.model, values, o.rig)) for beside in o.supports)
         return (w._inverse @ found[i, k][:, :, None])[:, :, 0], flights[i, k][1], *supports
 
     return [[all_parts(i, k, w, at) for k, at in enumerate(points)] for i, (w, points) in enumerate(requests)]
@@ -176,7 +171,9 @@ def _beside(requests: Sequence[Request]) -> dict[tuple[int, int], OfFlights]:
 
     Those that are not kept are found in one call, as the impacts are.
     """
-    keys = {(i, k): (i, w.at_impact(at)) for i, (w, points) in enumerate(requests) for k, at in enumerate(points)}
+    keys = {}  # values on which the states at impact and the flights depend
+    for i, (w, points) in enumerate(requests):
+        keys |= {(i, k): (i, tuple(at[p] for p in w.model.flight_parameters)) for k, at in enumerate(points)}
     known: dict[tuple, OfFlights] = {}
     missing: dict[tuple, tuple] = {}
     for (i, k), key in keys.items():
@@ -191,7 +188,7 @@ def _beside(requests: Sequence[Request]) -> dict[tuple[int, int], OfFlights]:
         of_all = parts[0] if len(parts) == 1 else parts[0].followed_by(parts[1:])
         model, sizes, of_flights = whitenings[0].model, [len(o) for o in parts], [len(o.flights) for o in parts]
         here = Comparison(model, _by_impact(points, sizes), of_all)
-        z = whitened(of_all.flights, bind(model, _by_impact(points, of_flights), of_all.rig))
+        z = of_all.flights.whitened(bind(model, _by_impact(points, of_flights), of_all.rig))
         ends, ends_of_flights = np.cumsum(sizes), np.cumsum(of_flights)
         for one, end, n, last, m in zip(alike, ends, sizes, ends_of_flights, of_flights):
             rows = np.arange(end - n, end)

@@ -60,7 +60,7 @@ def mechanism_diagnosis(critique: MechanismCritique, dataset: str, rng: np.rando
             {"name": one.step.effect.name, "title": one.step.effect.title, "ends": [one.than.misfit, one.judged.misfit]}
             for one in critique.discovery.rejected
         ],
-        "search": {"limit": limit and limit.name, "value": limit and limit.value},
+        "search": {"limit": None if limit is None else "max_effects", "value": limit},
         "error": {
             "unit": "sigma",
             "base": base[0],

@@ -87,7 +87,11 @@ def diagnosis(critique: DropsCritique, rng: np.random.Generator, rungs: pd.DataF
         "augmented_model": {"name": final.model.law.name, "parameters": parameters(final)},
         "effects": [_effect(critique, i, rng) for i in range(len(discovery.steps))],
         "rejected": [_rejected(critique, one) for one in discovery.rejected],
-        "search": {"limit": limit and limit.name, "value": limit and limit.value, "tried": discovery.first is not None},
+        "search": {
+            "limit": None if limit is None else "max_effects",
+            "value": limit,
+            "tried": discovery.first is not None,
+        },
         "error": _error(critique),
         "remaining": {
             "structured": critique.is_structured,

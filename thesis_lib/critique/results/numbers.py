@@ -20,7 +20,6 @@ from thesis_lib.critique.contacts.contact_time import BASE_PARAMETERS, CONTACT_T
 from thesis_lib.critique.drops.criticise import DropsCritique
 from thesis_lib.critique.drops.features import slip_axes
 from thesis_lib.critique.drops.judgement import Judgement
-from thesis_lib.critique.drops.planar.unknown_spin import velocity_left
 from thesis_lib.critique.drops.questions.class_tests import velocities
 from thesis_lib.critique.likelihood.comparison import Comparison
 from thesis_lib.critique.likelihood.fit import Fit
@@ -82,7 +81,7 @@ def compensated(critique: DropsCritique, material: bool = True) -> pd.DataFrame:
 
 def impact_errors(fitted: Fit, observations: Observations) -> np.ndarray:
     """Kinetic error (n,) in m/s of each impact."""
-    return observations.norm(velocity_left(fitted.on(observations)))
+    return observations.norm(fitted.on(observations).velocity_left)
 
 
 def contact_residuals(fitted: Fit, observations: Observations) -> np.ndarray:
@@ -95,7 +94,7 @@ def contact_residuals(fitted: Fit, observations: Observations) -> np.ndarray:
     if not observations.space.is_plane:
         return _in_space(here)
     if not observations.rig.has_angle:
-        return velocity_left(here)
+        return here.velocity_left
     R, k_g = here.R[:, :3], observations.rig.k_g
     *_, r = velocities(fitted, observations)
     couple = residual_couple(R, r, mass=1.0, k_g=k_g) / k_g
@@ -105,7 +104,7 @@ def contact_residuals(fitted: Fit, observations: Observations) -> np.ndarray:
 def _in_space(here: Comparison) -> np.ndarray:
     o, (before, _) = here.observations, here.at_impulse
     if not o.rig.has_angle:
-        left = np.einsum("ijn,jn->ni", slip_axes(before, o.rig), velocity_left(here)[:, :3].T)
+        left = np.einsum("ijn,jn->ni", slip_axes(before, o.rig), here.velocity_left[:, :3].T)
         return np.column_stack([left, np.zeros(len(o))])
     error, r = here.R[:, : SPACE.motions].T, o.rig.lowest(before)
     G = in_world(o.rig.tensor, before.attitude)  # pyright: ignore[reportArgumentType]

@@ -20,7 +20,7 @@ from thesis_lib.critique.contacts.bases import BASES
 from thesis_lib.critique.contacts.contact_time import CONTACT_TIME
 from thesis_lib.critique.contacts.kinds import ByImpulse, bind
 from thesis_lib.critique.contacts.model import Model
-from thesis_lib.critique.drops.planar.sliding import SLIDING, TABLE
+from thesis_lib.critique.drops.sliding import SLIDING, TABLE
 from thesis_lib.critique.likelihood.fit import Fit
 from thesis_lib.effects import EFFECTS
 from thesis_lib.effects.effect import Reference, Rig

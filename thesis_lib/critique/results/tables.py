@@ -26,8 +26,6 @@ from thesis_lib.contact.bounds import best_post_hoc
 from thesis_lib.critique.drops.criticise import DropsCritique, irb_errors
 from thesis_lib.critique.drops.features import features
 from thesis_lib.critique.drops.few_impacts import FewImpacts
-from thesis_lib.critique.drops.planar.of_the_plane import of_the_plane
-from thesis_lib.critique.drops.planar.unknown_spin import what_is_left
 from thesis_lib.critique.drops.questions.class_tests import velocities
 from thesis_lib.critique.drops.questions.flight_residuals import flight_table
 from thesis_lib.critique.drops.world import Judgement
@@ -148,9 +146,13 @@ def ladder(critique: DropsCritique, rng: np.random.Generator) -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
-@of_the_plane(pd.DataFrame)
 def impacts(o: Observations, held_out: np.ndarray) -> pd.DataFrame:
-    """Impacts used, with covariance, and those left out, with the reason; `held_out`: trials that no choice saw."""
+    """Impacts used, with covariance, and those left out, with the reason; `held_out`: trials that no choice saw.
+
+    Empty in space.
+    """
+    if not o.space.is_plane:
+        return pd.DataFrame()
     used = o.found.impacts.to_table().assign(hits=1, span=0.0, used=1, reason="", detail="")
     rows = np.flatnonzero(o.span)
     if len(rows):
@@ -202,7 +204,7 @@ def budget(critique: DropsCritique, rng: np.random.Generator) -> pd.DataFrame:
         m = o.space.motions
         S = base.on(o).covariance(o.t_std)[:, :m, :m]
         if not o.rig.has_angle:
-            left = what_is_left(base.on(o))
+            left = base.on(o).what_is_left
             S = left @ S @ np.swapaxes(left, 1, 2)
         noise = float(np.einsum("nij,nij->n", S, o.metric)[_kept(impact_errors(base, o))].mean())
         drawn = [_bounds(base, laws, synthesise(base.on(o), rng)) for _ in range(SYNTHETIC)]

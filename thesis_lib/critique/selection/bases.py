@@ -50,17 +50,21 @@ class Bases(Generic[E, F, J]):
 
         `reserve` holds quick fits; `to_beat` is the judgement of `rival`.
         """
-        world, least = self.world, self.settings.tell_apart
-        if not reserve:
-            return None
-        best = max(reserve, key=lambda fit: fit.score)
-        best = world.fit(best.base, best.effects, best.values, "near")
-        if best.score - rival.score < least:
+        least, best = self.settings.tell_apart, self._better(reserve, rival)
+        if best is None:
             return None
         other = self.evidence.judge(best)
         gain = self.evidence.gain(other, to_beat, "reserve", best.base)
         better = gain[1] > 0.0 and other.total - to_beat.total > least
         return (self.in_full(best), other) if better and not self.spoils(best, other, to_beat) else None
+
+    def _better(self, reserve: Sequence[F], rival: F) -> F | None:
+        """The best of quick fits of the reserve, near enough to be compared, if it is clearly better than `rival`."""
+        if not reserve:
+            return None
+        best = max(reserve, key=lambda fit: fit.score)
+        best = self.world.fit(best.base, best.effects, best.values, "near")
+        return None if best.score - rival.score < self.settings.tell_apart else best
 
     def spoils(self, fitted: F, judged: J, than: J) -> bool:
         """Whether a base errs more than another one, also with any one effect that acts on these errors alone.
@@ -119,11 +123,8 @@ class Bases(Generic[E, F, J]):
         """
         world, names = self.world, list(shortlist.quick)[: self.settings.runners_up]
         reserve = [fit for name in names for fit in world.reserve_fits(shortlist.quick[name])]
-        if not reserve:
-            return None
-        best = max(reserve, key=lambda fit: fit.score)
-        best = world.fit(best.base, best.effects, best.values, "near")
-        if best.score - fitted.score < self.settings.tell_apart:
+        best = self._better(reserve, fitted)
+        if best is None:
             return None
         found = self.evidence.judge(best)
         if world.leaves_an_error(found) or self.evidence.failure(found, judged, best.effects[-1]):

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import islice
-from typing import Generic, Literal, NamedTuple
+from typing import Generic, Literal
 
 import numpy as np
 
@@ -125,13 +125,6 @@ class Path(Generic[E, F, J]):
             self.simpler = copy
 
 
-class Limit(NamedTuple):
-    """The setting at which a search ended, and its value."""
-
-    name: Literal["max_effects"]
-    value: int
-
-
 @dataclass(frozen=True)
 class Discovery(Generic[E, F, J]):
     """The chosen model and the steps that led to it.
@@ -142,7 +135,7 @@ class Discovery(Generic[E, F, J]):
         last_scan: score tests at the final model.
         below: fit with a significant but immaterial effect, at which the search ended.
         not_testable: name -> why.
-        limit: where the search ended although more may be found; rejected: by the held-out trials.
+        limit: `max_effects`, where the search ended there although more may be found; rejected: by the held-out trials.
     """
 
     bases: dict[str, F]
@@ -152,7 +145,7 @@ class Discovery(Generic[E, F, J]):
     last_scan: Scan
     below: F | None
     not_testable: Mapping[str, str]
-    limit: Limit | None = None
+    limit: int | None = None
     rejected: tuple[Rejected[E, F, J], ...] = ()
 
     @property

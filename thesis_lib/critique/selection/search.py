@@ -27,7 +27,7 @@ from typing import Generic
 import numpy as np
 
 from thesis_lib.critique.selection.bases import Bases
-from thesis_lib.critique.selection.discovery import Discovery, Limit, Path, Shortlist, Step
+from thesis_lib.critique.selection.discovery import Discovery, Path, Shortlist, Step
 from thesis_lib.critique.selection.evidence import Drop, Evidence
 from thesis_lib.critique.selection.scan import Scan
 from thesis_lib.critique.selection.settings import SearchSettings
@@ -101,7 +101,7 @@ class Search(Generic[E, F, J]):
         limit = None
         if fixed is None and len(path.steps) >= self.most:
             more = max(last_scan.gain.values(), default=0.0)
-            limit = Limit("max_effects", self.most) if last_scan.p_value(more) <= self.settings.alpha else None
+            limit = self.most if last_scan.p_value(more) <= self.settings.alpha else None
         return Discovery(
             self.plain, path.base, tuple(path.steps), path.first, last_scan, path.below, world.not_testable, limit
         )

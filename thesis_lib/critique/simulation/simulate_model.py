@@ -18,7 +18,7 @@ from functools import partial
 import numpy as np
 
 from thesis_lib.bodies.body import Body, Noise, Surface
-from thesis_lib.critique.drops.planar.sliding import require_falling
+from thesis_lib.critique.drops.sliding import require_falling
 from thesis_lib.critique.likelihood.comparison import Comparison
 from thesis_lib.critique.likelihood.observations import Observations, observe
 from thesis_lib.critique.results.saved_model import SavedModel, SavedReference

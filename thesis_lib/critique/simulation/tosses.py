@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from thesis_lib.critique.contacts.dynamics import Dynamics
-from thesis_lib.critique.contacts.episodes import _NOW, MOST_HITS, _first, _Play
+from thesis_lib.critique.contacts.episodes import _NOW, MOST_HITS, Played, _first
 from thesis_lib.critique.contacts.kinds import ByImpulse, bind
 from thesis_lib.critique.simulation.law_drops import REST, on_cubic
 from thesis_lib.effects.whole_tosses import WholeTosses
@@ -71,7 +71,7 @@ def _able_to_press(dynamics: ByImpulse, start: State) -> ByImpulse:
     return bind(dynamics.model, values, replace(dynamics.rig, recorded=none))
 
 
-class _Toss(_Play):
+class _Toss(Played):
     """Bodies from frame to frame, which start above the surface or on it."""
 
     def __init__(self, dynamics: ByImpulse, start: State) -> None:

@@ -61,7 +61,7 @@ def fit_turning(
         attitude: (n, W, 4) samples at `tau` (n, W) in s, of which those are fitted that are `used` (n, W).
         G: (3, 3) believed inertia per mass in m², axes of the body.
     """
-    n, measured = len(tau), np.moveaxis(attitude, -1, 0)  # (4, n, W)
+    measured = np.moveaxis(attitude, -1, 0)  # (4, n, W)
     tau = np.where(used, tau, 0.0)  # other times may be those of another flight
     q, spin, interval = _start(measured, tau, used)
     times, measured = tau.T, np.swapaxes(measured, 1, 2)  # (W, n), (4, W, n)
@@ -69,8 +69,7 @@ def fit_turning(
     for _ in range(ROUNDS):
         believed, _ = attitudes(q, spin, G, times)
         left = SPACE.turn_between(believed, measured)  # (3, W, n)
-        found = columns(np.concatenate([np.zeros((3, n)), q]), np.concatenate([np.zeros((3, n)), spin]), G, times)
-        J = found.matrix()[3:, [3, 4, 5, 9, 10, 11]]  # (3, 6, W, n)
+        J = columns(q, spin, G, times)  # (3, 6, W, n)
         normal = np.einsum("kiwn,kjwn,wn->nij", J, J, weight)
         step = np.linalg.solve(normal, np.einsum("kiwn,kwn,wn->ni", J, left, weight)[..., None])[..., 0].T
         step = np.where(np.linalg.norm(spin + step[3:], axis=0) * interval < np.pi, step, 0.0)  # no faster one is seen

@@ -14,7 +14,6 @@ from matplotlib.figure import Figure
 
 from thesis_lib.critique.drops.criticise import DropsCritique
 from thesis_lib.critique.drops.features import features
-from thesis_lib.critique.drops.planar.of_the_plane import of_the_plane
 from thesis_lib.critique.drops.questions import flight_residuals as flying
 from thesis_lib.critique.results.numbers import bin_of, contact_residuals, dependence
 from thesis_lib.critique.results.titles import FEATURE_LABEL, plain
@@ -86,11 +85,12 @@ def draw_residuals(critique: DropsCritique) -> Drawn | None:
     return figure, rows
 
 
-@of_the_plane(lambda: None)
 @house_style
 def draw_flights(critique: DropsCritique) -> Drawn | None:
-    """Residual accelerations of flights, in units of noise, against the state at mid-flight; None as above."""
+    """Residual accelerations of flights, over noise, against the state at mid-flight; None as above, or in space."""
     o = critique.observations
+    if not o.space.is_plane:
+        return None
     values = {kind: flying.relative_residuals(fitted, o.flights, o.rig) for kind, fitted in _fits(critique).items()}
     table = flying.flight_features(critique.ladder[0][1], o.flights, o.rig)
     units = {name: "" if unit == "1" else f" ({unit})" for name, unit in flying.FLIGHT_UNITS.items()}

@@ -25,8 +25,6 @@ from matplotlib.ticker import MaxNLocator
 from thesis_lib.contact.space import contact_space, energy_ellipse, measured_impulse, velocity_error
 from thesis_lib.critique.drops.criticise import DropsCritique
 from thesis_lib.critique.drops.features import features
-from thesis_lib.critique.drops.planar.of_the_plane import of_the_plane
-from thesis_lib.critique.drops.planar.unknown_spin import velocity_left
 from thesis_lib.critique.drops.questions.class_tests import velocities
 from thesis_lib.critique.likelihood.fit import Fit
 from thesis_lib.critique.proposal.effect_file import capital
@@ -49,16 +47,17 @@ COLORS = matplotlib.colormaps["cividis_r"]
 SHADES = 32  # of these that the script has
 
 
-@of_the_plane(Markup)
 def explorer(critique: DropsCritique, where: Mapping, choices: Sequence[Choice] = ()) -> Markup:
-    """Map of the impacts and the panel of one energy ellipse; empty if no impact has a prediction.
+    """Map of the impacts and the panel of one energy ellipse; empty if no impact has a prediction, and in space.
 
     With `choices` the reader switches effects on and off, and sees what is left of the errors.
     """
+    if not critique.space.is_plane:
+        return Markup()
     o, base, final = critique.observations.single, critique.ladder[0][1], critique.ladder[-1][1]
-    residuals = {"base": velocity_left(base.on(o))}
+    residuals = {"base": base.on(o).velocity_left}
     if len(critique.ladder) > 1:
-        residuals["final"] = velocity_left(final.on(o))
+        residuals["final"] = final.on(o).velocity_left
     errors = {name: velocity_error(R, o.rig.k_told) for name, R in residuals.items()}
     known = np.flatnonzero(np.all([np.isfinite(e) for e in errors.values()], axis=0))
     if not len(known):
@@ -163,7 +162,7 @@ def _switched(critique: DropsCritique, choices: Sequence[Choice], base: np.ndarr
     floor = f"; noise alone gives {number(noise)} m/s" if np.isfinite(noise) else ""
     said = []
     for one in choices:
-        error = velocity_error(velocity_left(one.fitted.on(o)), o.rig.k_told)[rows]
+        error = velocity_error(one.fitted.on(o).velocity_left, o.rig.k_told)[rows]
         mean, low, high = (number(x) for x in clustered_mean(one.judged.error, one.judged.trial))
         text = f"{capital(law_title(one.fitted.base))}: held-out error {mean} ({low} to {high}) m/s{floor}"
         on = [name in one.effects for name in names]

@@ -18,7 +18,7 @@ import numpy as np
 from scipy.stats import binom, f, norm
 
 from thesis_lib.contact.space import contact_space, measured_impulse, residual_couple
-from thesis_lib.critique.likelihood.covariance import noise_covariance
+from thesis_lib.critique.likelihood.covariance import copies_moved, noisy
 from thesis_lib.critique.likelihood.fit import Fit
 from thesis_lib.critique.likelihood.observations import Observations
 from thesis_lib.statistics.spread import robust_std
@@ -49,9 +49,8 @@ def velocities(fitted: Fit, observations: Observations) -> tuple[np.ndarray, np.
 
 def _noise(statistic: Statistic, fitted: Fit, observations: Observations) -> np.ndarray:
     """Covariance (n, m, m) of `statistic` from the noise of all data."""
-    return noise_covariance(
-        lambda o: statistic(*velocities(fitted, o)), observations, observations.t_std, fitted.model.has_arc
-    )
+    copies = copies_moved(observations, fitted.model.has_arc)
+    return noisy(observations, statistic(*velocities(fitted, copies))).covariance(observations.t_std)
 
 
 def rigid_point(fitted: Fit, observations: Observations) -> dict:

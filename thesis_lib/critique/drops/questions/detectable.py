@@ -19,7 +19,6 @@ import numpy as np
 
 from thesis_lib.critique.contacts.model import Model, inward
 from thesis_lib.critique.drops.criticise import DropsCritique
-from thesis_lib.critique.drops.planar.unknown_spin import velocity_left
 from thesis_lib.critique.drops.world import testable_effects
 from thesis_lib.critique.likelihood.channels import CHANNELS, Misfits, concerned, present
 from thesis_lib.critique.likelihood.comparison import Comparison
@@ -106,7 +105,7 @@ def material_sizes(critique: DropsCritique) -> Sizes:
         R = here.R
         z, *beside = Whitening(model, o, S, final.sigma_m, (values, R))(values)
         parts = {
-            "impact": o.as_speeds(velocity_left(here)),
+            "impact": o.as_speeds(here.velocity_left),
             "all": np.concatenate([part.ravel() for part in (z, *beside)]),
         }
         misfits = Misfits(o, R, S, sharp, dict(zip(names, beside)))

@@ -15,7 +15,6 @@ import pandas as pd
 from thesis_lib.critique.contacts.kinds import bind
 from thesis_lib.critique.drops.criticise import DropsCritique
 from thesis_lib.critique.drops.features import within_half_a_turn
-from thesis_lib.critique.likelihood.beside import whitened
 from thesis_lib.critique.likelihood.fit import Fit
 from thesis_lib.critique.likelihood.flights import Flights
 from thesis_lib.effects.effect import Rig
@@ -27,7 +26,7 @@ RESIDUALS = ("residual_x", "residual_y", "residual_theta")
 
 def relative_residuals(fitted: Fit, flights: Flights, rig: Rig) -> np.ndarray:
     """z_c (m, 3) of m flights, in space (m, 12)."""
-    return whitened(flights, bind(fitted.model, fitted.values, rig))
+    return flights.whitened(bind(fitted.model, fitted.values, rig))
 
 
 def flight_features(fitted: Fit, flights: Flights, rig: Rig) -> pd.DataFrame:

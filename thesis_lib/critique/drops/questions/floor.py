@@ -19,7 +19,6 @@ import numpy as np
 
 from thesis_lib.contact.space import velocity_error
 from thesis_lib.critique.drops.features import features
-from thesis_lib.critique.drops.planar.unknown_spin import velocity_left
 from thesis_lib.critique.likelihood.fit import Fit
 from thesis_lib.critique.likelihood.observations import Observations
 from thesis_lib.statistics.bootstrap import bootstrap_mean
@@ -52,7 +51,7 @@ FEWEST = 10
 def floor(fitted: Fit, observations: Observations, rng: np.random.Generator) -> Floor:
     """Both answers for the single hits of `observations`, best of trials that the model was not fitted to."""
     o = observations.single
-    E = o.as_speeds(velocity_left(fitted.on(o)))
+    E = o.as_speeds(fitted.on(o).velocity_left)
     error, rest = velocity_error(E, 1.0), velocity_error(E - _learned(_state(fitted, o), E, o.trial, rng), 1.0)
     fall = error - rest
     low, high = bootstrap_mean(fall, o.trial, DRAWS, rng)

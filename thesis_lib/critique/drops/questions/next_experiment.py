@@ -28,7 +28,6 @@ import numpy as np
 from thesis_lib.critique.contacts.kinds import bind
 from thesis_lib.critique.contacts.model import inward
 from thesis_lib.critique.drops.criticise import DropsCritique
-from thesis_lib.critique.drops.planar.of_the_plane import of_the_plane
 from thesis_lib.critique.drops.words import NAMED
 from thesis_lib.critique.likelihood.channels import CHANNELS, FLIGHT, IMPACT
 from thesis_lib.critique.likelihood.fit import SLOPE_STEP, Fit, fit
@@ -59,12 +58,13 @@ CHECKS = {  # what shows a fault of the measurement without an impact
 }
 
 
-@of_the_plane(lambda: _nothing("The next experiment is proposed for motions in a plane only."))
 def next_experiment(critique: DropsCritique, rng: np.random.Generator) -> dict:
     """Keys `why`, `states` (vx, vy in m/s, omega in rad/s, theta in rad), and `shows` and `sigmas` of the states.
 
     Where a candidate depends on the place of the impact, states also have x in m.
     """
+    if not critique.space.is_plane:
+        return _nothing("The next experiment is proposed for motions in a plane only.")
     if critique.is_structured:
         return _unexplained(critique, rng)
     final = critique.ladder[-1][1]

@@ -19,7 +19,6 @@ import pandas as pd
 
 from thesis_lib.critique.drops.criticise import DropsCritique
 from thesis_lib.critique.drops.features import FEATURES, features
-from thesis_lib.critique.drops.planar.unknown_spin import velocity_left
 from thesis_lib.critique.drops.questions.class_tests import class_tests
 from thesis_lib.critique.drops.questions.flight_residuals import (
     FLIGHT_UNITS,
@@ -104,7 +103,7 @@ def impact_regions(critique: DropsCritique, fitted: Fit, rng: np.random.Generato
     """Regions of the state before impact in which `fitted` errs more than elsewhere; errors in m/s."""
     o, m = critique.observations, critique.space.motions
     here = fitted.on(o)
-    error, S = o.norm(velocity_left(here)), here.covariance(o.t_std)[:, :m, :m]
+    error, S = o.norm(here.velocity_left), here.covariance(o.t_std)[:, :m, :m]
     z = error / np.sqrt(np.einsum("nij,nij->n", S, o.metric) + m * fitted.sigma_m**2)
     return regions(features(fitted, o), error, z, np.isin(o.trial, critique.held_out.trial), rng)
 

@@ -79,8 +79,9 @@ class Poses:
             bend: (n, W) what a line leaves of τ²/2.
         """
         n, r = len(rows), self.rig.lowest(state)
+        units = np.repeat(np.eye(3)[..., None], n, axis=2)  # one after the other
         turning = mobility(SPACE, np.asarray(self.rig.tensor), state.attitude)
-        by_force = [np.concatenate([f, np.einsum("ijn,jn->in", turning, cross(r, f))]).T for f in _units(n)]
+        by_force = [np.concatenate([f, np.einsum("ijn,jn->in", turning, cross(r, f))]).T for f in units]
         change = np.stack(by_force, axis=2)  # (n, 6, 3): accelerations by forces
         seen = change / np.repeat(self.noise, 3)[:, None]
         pull = np.einsum("nik,nw,nwi->nk", seen, bend, left)
@@ -98,11 +99,6 @@ class Poses:
             cov=fitted.cov + unknown,
         )
         return fitted, 2.0 * (force * pull).sum(axis=1) - np.einsum("nk,nkl,nl->n", force, known, force)
-
-
-def _units(n: int) -> np.ndarray:
-    """Unit vectors (3, 3, n), one after the other."""
-    return np.repeat(np.eye(3)[..., None], n, axis=2)
 
 
 @dataclass(frozen=True)
@@ -229,7 +225,12 @@ def jumps(poses: Poses, hits: pd.DataFrame, beside: pd.DataFrame) -> np.ndarray:
 
 def state_under_gravity(windows: SideLines, rig: Rig) -> State:
     """The states at the instants of the windows, under believed gravity."""
-    n = len(windows.value)
-    state = State.of(windows.value[:, 0], windows.slope[:, 0], np.zeros(n), np.zeros(n), None, rig.space)
-    a, (b_0, b_1) = rig.fall(state)[:3], windows.bow[:, 0].T
-    return state.changed(position=state.position - a * b_0, velocity=state.velocity - a * b_1)
+    none = np.zeros(len(windows.value))
+    state = State.of(windows.value[:, 0], windows.slope[:, 0], none, none, None, rig.space)
+    return under_gravity(state, windows.bow[:, 0], rig)
+
+
+def under_gravity(lines: State, bow: np.ndarray, rig: Rig) -> State:
+    """Poses and motions of lines (`lines`) with a bow (n, 2), under the believed acceleration."""
+    a, (b_0, b_1) = rig.fall(lines)[:3], bow.T
+    return lines.changed(position=lines.position - a * b_0, velocity=lines.velocity - a * b_1)

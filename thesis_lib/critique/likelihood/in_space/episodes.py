@@ -12,7 +12,7 @@ from scipy.stats import theilslopes
 
 from thesis_lib.critique.likelihood.in_space.clear_flights import Poses, jump_across, state_under_gravity
 from thesis_lib.critique.likelihood.in_space.ground import SeenRig
-from thesis_lib.critique.likelihood.observations import LATE, LONGEST_WAIT, Observations, with_episodes
+from thesis_lib.critique.likelihood.observations import LATE, LONGEST_WAIT, Observations, single_hits, with_episodes
 from thesis_lib.datasets.impacts.episodes import groups_of_hits
 from thesis_lib.mechanics.free_motion import flown
 from thesis_lib.mechanics.space import SPACE
@@ -74,10 +74,9 @@ def add_episodes(
     arrays = {name: np.stack([getattr(side[0], name)[:, 0] for side in sides], axis=1) for name in names}
     trial = table["trial"].to_numpy()
     first = samples.t[np.searchsorted(samples.trial, trial)]
-    n = len(table)
+    arrays |= single_hits(len(table), SPACE)
     arrays |= {"trial": trial, "impact": table["impact"].to_numpy(), "t": t - first, "span": over - t}
-    arrays |= {"hits": (table["last"] - table["impact"] + 1).to_numpy(), "surface": np.zeros(n, int)}
-    arrays |= {"t_std": np.zeros(n), "offset": np.zeros((n, 3))}
+    arrays["hits"] = (table["last"] - table["impact"] + 1).to_numpy()
     kept = np.flatnonzero(good)
     others = single.rows(np.flatnonzero(~twice))
     return with_episodes(others, {name: array[kept] for name, array in arrays.items()}, table.iloc[kept])

@@ -22,7 +22,7 @@ that bends faster than T³, other than by a centre of mass at another place, hol
 """
 
 import itertools
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.polynomial.legendre import legvander
@@ -53,14 +53,9 @@ FREE, TERMS, ALL = 2, 4, 6  # terms of a place: those of a free start, with thos
 class SpaceFlights(Flights):
     """m flights in space; see the module's table.  `variance` (m, 12), the components are independent."""
 
-    reference: np.ndarray = None  # pyright: ignore[reportAssignmentType]
-    of_place: np.ndarray = None  # pyright: ignore[reportAssignmentType]
-    of_turn: np.ndarray = None  # pyright: ignore[reportAssignmentType]
-
-    def select(self, rows: np.ndarray) -> "SpaceFlights":
-        """The flights at `rows`, and those that are bent."""
-        names = ("acceleration", "variance", "span", "reference", "of_place", "of_turn")
-        return replace(self, state=self.state.select(rows), **{name: getattr(self, name)[rows] for name in names})
+    reference: np.ndarray
+    of_place: np.ndarray
+    of_turn: np.ndarray
 
     def residuals(self, dynamics: Dynamics) -> np.ndarray:
         """As measured minus as predicted (m, 12), m/s² and rad/s²."""
@@ -164,13 +159,13 @@ def flights_in_space(
     )
     found = SpaceFlights(
         state,
-        _terms(of_place, turning.weights, place, turning.turns),
         variance,
+        _terms(of_place, turning.weights, place, turning.turns),
         samples.span,
-        trial[bent],
         turning.reference,
         samples.at_course(of_place),
         samples.at_course(turning.weights),
+        bent=trial[bent],
     )
     return found.select(np.flatnonzero(~bent))
 
@@ -203,10 +198,9 @@ def _between(
     """Rows of the flights between hits and above `low`, of at least `SHORTEST` and `MIN_FLIGHT` samples."""
     if not rig.gravity or len(clock) <= MIN_FLIGHT:
         return []
-    down = np.array([0.0, 0.0, -1.0]) if rig.down is None else rig.down
     label, number = np.full(len(clock), -1), hits.before(states.trial, states.t)
     track = follow(clock, states.position.T, rig.gravity, noise)
-    for i, flight in enumerate(find_flights(track, rig.gravity * down)):
+    for i, flight in enumerate(find_flights(track, rig.pull[:, 0])):
         label[flight] = i
     lasts = max(LASTS, guard, float(np.median(np.diff(clock))))
     for hit in (number - 1, number):
@@ -274,9 +268,7 @@ def _turns(samples: _Samples, further: np.ndarray, Q: np.ndarray, rig: Rig, nois
     believed, _ = attitudes(q, spin, G, tau)
     measured = np.swapaxes(np.moveaxis(samples.attitude, -1, 0), 1, 2)
     turns = np.swapaxes(SPACE.turn_between(believed, measured), 1, 2) * samples.used
-    none = np.zeros((3, n))
-    free = columns(np.concatenate([none, q]), np.concatenate([none, spin]), G, tau).matrix()
-    free = free[3:, [3, 4, 5, 9, 10, 11]].transpose(3, 0, 2, 1) * samples.used[:, None, :, None]  # (n, 3, W, 6)
+    free = columns(q, spin, G, tau).transpose(3, 0, 2, 1) * samples.used[:, None, :, None]  # (n, 3, W, 6)
     more = np.einsum("nwt,ij->niwtj", further, np.eye(3)).reshape(*free.shape[:3], -1)
     P, R = np.linalg.qr(np.concatenate([free, more], axis=3).reshape(n, -1, 12))
     P = P.reshape(n, *free.shape[1:3], 12)

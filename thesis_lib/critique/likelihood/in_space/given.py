@@ -12,9 +12,8 @@ import numpy as np
 
 from thesis_lib.bodies.solid_body import NoiseInSpace
 from thesis_lib.critique.likelihood.flights import no_flights
-from thesis_lib.critique.likelihood.observations import Observations, mean_of_known, rig_of
+from thesis_lib.critique.likelihood.observations import Observations, as_stated, rig_of
 from thesis_lib.datasets.checks.tracked_pose import settled
-from thesis_lib.datasets.flights.lines import NODES
 from thesis_lib.datasets.format.dataset import Dataset
 from thesis_lib.datasets.format.frames import body_states, surface_frames, tracked_states
 from thesis_lib.datasets.format.table_forms import CONTACT_POINT, V_POST_IN_SPACE, V_PRE_IN_SPACE
@@ -59,24 +58,14 @@ def given_in_space(dataset: Dataset) -> Observations:
         offset = (frame.vectors_in(table[list(CONTACT_POINT)].to_numpy(float).T) - lever - r).T
     motion = np.stack([before.v, after.v], axis=1)
     reason = _reasons(before, r + offset.T, motion, rig)
-    t, cov = before.t, _covariance(header.noise, lever, tracked[0].spin, frame.attitude, motion, turned)
+    cov = _covariance(header.noise, lever, tracked[0].spin, frame.attitude, motion, turned)
     n, impact = len(table), table["impact"].to_numpy()
     o = Observations(
         rig=rig,
         trial=before.trial,
-        surface=np.zeros(n, int),
         impact=impact,
-        hits=np.ones(n, int),
-        t=np.where(np.isfinite(t), t, mean_of_known(t)),
-        span=np.zeros(n),
-        value=np.stack([before.q, before.q], axis=1),
-        slope=motion,
-        bow=np.zeros((n, 2, 2)),
+        **as_stated(before.q, motion, before.t, SPACE) | {"offset": offset},
         cov=np.zeros((n, 2, 12, 12)) if cov is None else cov,
-        nodes=np.zeros((n, 2, NODES)),
-        weights=np.zeros((n, 2, 2, NODES)),
-        t_std=np.zeros(n),
-        offset=offset,
         arcs=False,
         flights=no_flights(SPACE),
         noise_known=cov is not None,

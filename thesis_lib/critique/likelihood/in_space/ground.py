@@ -83,10 +83,6 @@ class SeenRig(Rig):
         above = self.above(state)
         return self.shape.lowest(above.attitude) + (above.position - state.position)
 
-    def gap(self, state: State) -> np.ndarray:
-        """Gap φ_n (n,) in m between the believed shape and the ground."""
-        return state.height + self.lowest(state)[-1] - self.height
-
     def heights(self, state: State) -> np.ndarray:
         """Heights (p, n) in m of the points of the believed hull above the ground."""
         solid: Any = self.shape

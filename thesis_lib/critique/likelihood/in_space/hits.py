@@ -10,6 +10,7 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 
+from thesis_lib.critique.likelihood.in_space.clear_flights import under_gravity
 from thesis_lib.critique.likelihood.in_space.episodes import HARD
 from thesis_lib.critique.likelihood.in_space.flights import noise_of_flights
 from thesis_lib.critique.likelihood.in_space.given import given_in_space
@@ -17,7 +18,7 @@ from thesis_lib.critique.likelihood.in_space.ground import Ground, of_shape
 from thesis_lib.critique.likelihood.in_space.instants import find_hits
 from thesis_lib.critique.likelihood.in_space.lag import LATE, REST, lag_in_flight, lag_of_attitudes
 from thesis_lib.critique.likelihood.in_space.left_out import has_another_hit, off_free_motion
-from thesis_lib.critique.likelihood.in_space.observed import HitWindows, Observed, under_gravity
+from thesis_lib.critique.likelihood.in_space.observed import HitWindows, Observed
 from thesis_lib.critique.likelihood.in_space.recording import Known, TossRecording
 from thesis_lib.critique.likelihood.observations import Observations, without_angle
 from thesis_lib.datasets.checks.tracked_pose import settled
@@ -88,7 +89,8 @@ def _looked(recording: TossRecording) -> "Observed | Known":
     lag = lag_of_attitudes(windows.fitted, REST if known.lags else LATE) if has_angle else 0.0
     if known.is_late(lag, settings.guard):
         return known.with_lag(lag, interval)
-    off = off_free_motion(windows.fitted, windows.pose, windows.tau, windows.used, recording.G, gravity, noise, lag)
+    G = np.asarray(recording.rig.tensor)
+    off = off_free_motion(windows.fitted, windows.pose, windows.tau, windows.used, G, gravity, noise, lag)
     another, grown, slack = has_another_hit(*off)
     windows.leave_out(another, "second_hit")
     seen = Observed(recording, settings, noise, found, windows, grown, slack, lag, rounded)

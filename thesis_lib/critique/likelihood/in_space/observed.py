@@ -8,7 +8,7 @@ import pandas as pd
 
 from thesis_lib.bodies.solids import Sphere
 from thesis_lib.critique.likelihood.flights import Flights
-from thesis_lib.critique.likelihood.in_space.clear_flights import Poses, jumps, seen_beside
+from thesis_lib.critique.likelihood.in_space.clear_flights import Poses, jumps, seen_beside, under_gravity
 from thesis_lib.critique.likelihood.in_space.episodes import ELSEWHERE, OFF_SURFACE, add_episodes
 from thesis_lib.critique.likelihood.in_space.flights import flights_in_space
 from thesis_lib.critique.likelihood.in_space.ground import of_shape
@@ -16,7 +16,7 @@ from thesis_lib.critique.likelihood.in_space.instants import FoundHits, between_
 from thesis_lib.critique.likelihood.in_space.lag import lag_warning
 from thesis_lib.critique.likelihood.in_space.left_out import hops_unseen, rolls
 from thesis_lib.critique.likelihood.in_space.recording import TossRecording
-from thesis_lib.critique.likelihood.observations import Observations
+from thesis_lib.critique.likelihood.observations import Observations, single_hits
 from thesis_lib.critique.likelihood.supports import supports_in_space
 from thesis_lib.datasets.flights.beside_hits import fit_windows
 from thesis_lib.datasets.flights.lines import SideLines
@@ -66,7 +66,8 @@ class HitWindows:
         index = np.clip(at[rows, None] + reach, 0, len(found.samples) - 1)
         pose, tau = np.moveaxis(recording.states.pose[:, index], 0, -1), windows.t[rows] - found.t[rows, None]
         used = side[rows] > 0.0
-        return cls(reason, rows, index, pose, tau, used, fit_windows(pose, tau, used, recording.G, noise))
+        fitted = fit_windows(pose, tau, used, np.asarray(recording.rig.tensor), noise)
+        return cls(reason, rows, index, pose, tau, used, fitted)
 
     @property
     def usable(self) -> np.ndarray:
@@ -157,12 +158,20 @@ class Observed:
 
     @cached_property
     def approach(self) -> np.ndarray:
-        return approach_speed(self.touching, self.recording.rig)
+        """|v_n|/√K_nn in m/s of their contact points."""
+        state, rig = self.touching, self.recording.rig
+        of_turns = mobility(SPACE, np.asarray(rig.tensor), state.attitude)
+        at = contact_at(SPACE, state.velocity, state.spin, rig.lowest(state), of_turns)
+        return np.abs(at.v_n) / np.sqrt(at.K_nn)
 
     @cached_property
     def heights(self) -> tuple[float, float]:
-        """Lowest and highest gap in m at which bodies touch."""
-        return _touching(self.off_by[self.windows.usable])
+        """Lowest and highest gap in m at which bodies touch, by the geometry that is believed."""
+        gap = self.off_by[self.windows.usable]
+        if not len(gap):
+            return -np.inf, -np.inf
+        middle, spread = float(np.median(gap)), SPREAD * float(robust_std(gap - np.median(gap)))
+        return middle - spread, middle + spread
 
     @cached_property
     def hits(self) -> Hits:
@@ -240,15 +249,11 @@ class Observed:
         return Observations(
             rig=replace(recording.rig, recorded=WholeTosses.of(recording.states, found.trial, self.since)),
             trial=found.trial[rows],
-            surface=np.zeros(len(rows), int),
             impact=impact[rows],
-            hits=np.ones(len(rows), int),
             t=self.since[rows],
-            span=np.zeros(len(rows)),
+            **single_hits(len(rows), SPACE) | {"t_std": found.t_std[rows]},
             **{name: getattr(windows.fitted, name)[kept] for name in ("value", "slope", "bow", "nodes", "weights")},
             cov=windows.fitted.cov[kept] * np.outer(sigma, sigma),
-            t_std=found.t_std[rows],
-            offset=np.zeros((len(rows), 3)),
             arcs=True,
             flights=self.flights,
             supports=supports,
@@ -275,27 +280,6 @@ class Observed:
         return add_episodes(self.single(), self.poses, self.table, beside_single, self.nearby, self.heights)
 
 
-def _touching(gap: np.ndarray) -> tuple[float, float]:
-    """Lowest and highest gap in m at which the body touches, of gaps (n,) at hits by the geometry that is believed."""
-    if not len(gap):
-        return -np.inf, -np.inf
-    middle, spread = float(np.median(gap)), SPREAD * float(robust_std(gap - np.median(gap)))
-    return middle - spread, middle + spread
-
-
-def under_gravity(lines: State, bow: np.ndarray, rig: Rig) -> State:
-    """Poses and motions of lines (`lines`) with a bow (n, 2), under the believed acceleration."""
-    a, (b_0, b_1) = rig.fall(lines)[:3], bow.T
-    return lines.changed(position=lines.position - a * b_0, velocity=lines.velocity - a * b_1)
-
-
 def contact_velocity(state: State, rig: Rig) -> np.ndarray:
     """Velocity (3, n) in m/s of the lowest point of the believed body."""
     return SPACE.velocity_at(state.velocity, state.spin, rig.lowest(state))
-
-
-def approach_speed(state: State, rig: Rig) -> np.ndarray:
-    """|v_n|/√K_nn (n,) in m/s of the contact points of believed bodies."""
-    of_turns = mobility(SPACE, np.asarray(rig.tensor), state.attitude)
-    at = contact_at(SPACE, state.velocity, state.spin, rig.lowest(state), of_turns)
-    return np.abs(at.v_n) / np.sqrt(at.K_nn)

@@ -122,11 +122,6 @@ class TossRecording:
         parts = (rig, states, lever, samples, clock, one_clock(whole)[1], noise, smoothed, soft, warnings, written)
         return cls(dataset, settings, known, *parts)
 
-    @property
-    def G(self) -> np.ndarray:
-        """The believed inertia per mass (3, 3) in m²."""
-        return self.dataset.in_space.body.inertia_per_mass
-
     @cached_property
     def interval(self) -> float:
         return sampling_interval(self.samples)

@@ -22,8 +22,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from thesis_lib.bodies.shapes import Polygon
-from thesis_lib.critique.drops.planar.of_the_plane import of_the_plane
-from thesis_lib.critique.drops.planar.settings import OneBody
+from thesis_lib.critique.drops.settings import OneBody
 from thesis_lib.critique.likelihood.observations import Observations
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.statistics.spread import robust_std
@@ -57,10 +56,9 @@ class Groups:
         return bool(enough and explained and sharp)
 
 
-@of_the_plane(lambda: None)
 def refuse_what_is_not_one_body(name: str, o: Observations, limits: OneBody) -> None:
     """Raise a UserError if the motion in `o` is not planar, or its trials are of two bodies."""
-    if not len(o):
+    if not len(o) or not o.space.is_plane:
         return
     gravity, stray = o.rig.gravity, o.found.noise.stray * [1.0, 1.0, o.rig.k_g]
     for value, what in ((stray[0], "sideways (x)"), (stray[2], "in rotation (theta, at the radius of gyration)")):
@@ -159,7 +157,7 @@ def two_groups(
         return None
     y, X = value / std, X / std[:, None]
     residual = y - X @ _fit(y, X, np.ones(len(y), bool))
-    scale = _scale(residual)
+    scale = float(robust_std(residual, axis=None))
     mean, size, raw = (
         np.bincount(of, values) / np.bincount(of)
         for values in (residual, np.minimum(np.abs(residual), WILD * scale), y)
@@ -187,7 +185,7 @@ def _alternate(
         sets = [_fit(y, X, mask) for mask in masks]
         residual = np.stack([y - X @ c for c in sets])
         nearest = np.where(second[of], residual[1], residual[0])
-        scale = max(_scale(nearest), 1e-9 * scale_of_one, 1e-300)
+        scale = max(float(robust_std(nearest, axis=None)), 1e-9 * scale_of_one, 1e-300)
         square = np.minimum(np.abs(residual) / scale, WILD) ** 2
         cost = np.stack([np.bincount(of, row) for row in square])
         new = cost[1] < cost[0]
@@ -195,10 +193,6 @@ def _alternate(
             break
         second = new
     return Groups(trials, second, np.array(sets), scale_of_one, scale, np.abs(cost[0] - cost[1]), noise_known)
-
-
-def _scale(residual: np.ndarray) -> float:
-    return float(robust_std(residual, axis=None))
 
 
 def _fit(y: np.ndarray, X: np.ndarray, rows: np.ndarray) -> np.ndarray:
