@@ -32,7 +32,7 @@ from thesis_lib.foundation.progress import duration
 from thesis_lib.foundation.provenance import file_sha256, lib_hash, value_sha256
 from thesis_lib.foundation.regular_file import FileProblem, regular_size
 from thesis_lib.report import batch_index
-from thesis_lib.report.critique.whole_folder import LAST, MODEL_FILE
+from thesis_lib.report.critique.folder import LAST, MODEL_FILE
 
 STATE = ".batch"
 PRELOAD = (
