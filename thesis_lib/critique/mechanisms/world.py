@@ -195,14 +195,10 @@ def fit_effects(
 
 def _prior(forces: Sequence[MechanismEffect], values: Mapping[str, np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
     """Residuals -p / σ_p of the priors of `forces`, and their columns, one for each parameter of any force."""
-    counts = [len(e.parameters) for e in forces]
-    z, rows = [], []
-    for e, at in zip(forces, np.cumsum([0, *counts])):
-        for i, sigma in enumerate(e.prior):
-            z.append(-values[e.name][i] / sigma)
-            rows.append(np.zeros(sum(counts)))
-            rows[-1][at + i] = 1.0 / sigma
-    return np.array(z), np.array(rows).reshape(len(rows), sum(counts))
+    sigma = np.array([sigma for e in forces for sigma in e.prior])
+    own = np.concatenate([np.zeros(0), *(values[e.name] for e in forces if e.prior)])
+    # sensor errors, which alone have priors, are the first of the columns
+    return -own / sigma, np.eye(len(sigma), sum(len(e.parameters) for e in forces)) / sigma[:, None]
 
 
 def predict(weak: WeakForm, fitted: ForceFit) -> ForceJudgement:
