@@ -18,9 +18,7 @@ of the file alone, not of modules that it imports; that of a package is of all i
 
 import contextlib
 import hashlib
-import importlib.abc
 import importlib.metadata
-import importlib.util
 import os
 import re
 import sys
@@ -93,29 +91,15 @@ def require_outside_of_data(path: str | Path, data: Iterable[str | Path] = ()) -
                 )
 
 
-class _Source(importlib.abc.SourceLoader):
-    """Runs the bytes that were read and hashed, whatever the file holds by then; leaves no compiled copy."""
-
-    def __init__(self, code: bytes, filename: str) -> None:
-        self.code, self.filename = code, filename
-
-    def get_filename(self, fullname: str) -> str:
-        return self.filename
-
-    def get_data(self, path: str) -> bytes:
-        return self.code
-
-
 def _run(code: bytes, filename: str, name: str) -> ModuleType:
+    """Run the bytes that were read and hashed, whatever the file holds by then; leaves no compiled copy."""
     if name in sys.modules:  # of the same bytes
         return sys.modules[name]
-    spec = importlib.util.spec_from_loader(name, _Source(code, filename), origin=filename)
-    assert spec is not None and spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    sys.modules[name] = module  # classes look their module up
+    module = sys.modules[name] = ModuleType(name)  # classes look their module up
+    module.__file__ = filename
     try:
         with contextlib.redirect_stdout(sys.stderr):  # what it prints does not belong to the result
-            spec.loader.exec_module(module)
+            exec(compile(code, filename, "exec", dont_inherit=True), module.__dict__)
     except (Exception, SystemExit) as error:  # a program can raise anything
         del sys.modules[name]
         raise UserError(f"{filename} cannot be loaded: {raised(error)}.") from error
