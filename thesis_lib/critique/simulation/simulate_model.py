@@ -68,7 +68,9 @@ def simulate_model(
         releases, duration = measured_releases(model, like, observations)
         rate, noise = like.rate or RATE, _noise(like, observations)
         n = n or len(releases.q)
-    model = _recounted(model, n, duration, model.rig.reference.x if like else 0.0)
+    # the drops begin at 0 s with number 0
+    middle = SavedReference(x=model.rig.reference.x if like else 0.0, t=0.5 * duration, trial=0.5 * (n - 1))
+    model = model.model_copy(update={"rig": model.rig.model_copy(update={"reference": middle})})
     say(f"simulating {n} drops of {duration:.2f} s, engine {engine}")
     poses = own_poses
     if engine == "drake":
@@ -89,12 +91,6 @@ def simulate_model(
     header = made.header.model_copy(update={"surface": Surface(height=height), "description": text})
     table = made.trajectories.assign(y=made.trajectories["y"] + height)  # pyright: ignore[reportOptionalMemberAccess, reportOptionalSubscript]
     return replace(made, name="simulated", header=header, trajectories=table)
-
-
-def _recounted(model: SavedModel, n: int, duration: float, x: float) -> SavedModel:
-    """The model with its reference in the middle of n simulated drops at x (m), which begin at 0 s with number 0."""
-    middle = SavedReference(x=x, t=0.5 * duration, trial=0.5 * (n - 1))
-    return model.model_copy(update={"rig": model.rig.model_copy(update={"reference": middle})})
 
 
 def proof_releases(model: SavedModel) -> Release:
