@@ -52,6 +52,9 @@ class TerminalStream(VisibleStream):
         self._stream.write(shown)
         return len(text)
 
+    def flush(self) -> None:
+        self._stream.flush()
+
     def rewrite(self, text: str) -> None:
         """Replace the current line by `text`; on a terminal only."""
         self._stream.write(f"\r{visible(text)}\x1b[K")
