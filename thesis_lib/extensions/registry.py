@@ -27,11 +27,11 @@ RESERVED = re.compile(r"augmented|best_post_hoc|irb_bound|no_impact|\w*_contact|
 class Origin(Section):
     """Where effects and laws come from that are not the library's: a file or an installed package, the other is ""."""
 
-    sha256: str = Field(pattern="^[0-9a-f]{64}$", description="of the file, or of the Python files of the package")
     # neither a path nor words: a message repeats them
     file: str = Field("", max_length=200, pattern=r"^([^/\\\x00-\x1f]+\.py)?$", description="its name, without folders")
     package: str = Field("", max_length=200, pattern=PACKAGE)
     version: str = Field("", max_length=100, pattern=VERSION, description="of the package")
+    sha256: str = Field(pattern="^[0-9a-f]{64}$", description="of the file, or of the Python files of the package")
 
     @model_validator(mode="after")
     def _is_from_somewhere(self) -> Self:
@@ -51,7 +51,7 @@ class Origin(Section):
 
     def content(self) -> dict[str, str]:
         """For JSON: what is known of the origin."""
-        return {name: value for name, value in vars(self).items() if value}
+        return {name: value for name, value in ({"sha256": self.sha256} | vars(self)).items() if value}
 
 
 @dataclass(frozen=True)
