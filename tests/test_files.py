@@ -74,11 +74,10 @@ class TestAtomic:
 
 
 class TestTables:
-    @pytest.mark.parametrize("suffix", [".csv", ".parquet"])
-    def test_round_trip(self, tmp_path, table, suffix):
-        write_table(table, tmp_path / f"a{suffix}")
-        back = read_table(tmp_path / f"a{suffix}", ["trial", "mu", "law"])
-        # nine digits are kept in CSV
+    def test_round_trip(self, tmp_path, table):
+        write_table(table, tmp_path / "a.csv")
+        back = read_table(tmp_path / "a.csv", ["trial", "mu", "law"])
+        # nine digits are kept
         pd.testing.assert_frame_equal(back, table, rtol=1e-8, check_dtype=False)
 
     @pytest.mark.parametrize("suffix", [".csv", ".parquet"])

@@ -34,7 +34,7 @@ def results_samples() -> list[Sample]:
     run = {"schema": 1, "dataset": "drops", "verdict": "effects", "base_model": law, "error": error}
     run |= {"augmented_model": law, "effects": [effect], "n_impacts": 10, "n_trials": 10}
     return [
-        {"table.csv": csv_of(table), "table.parquet": parquet_of(table)},
+        {"table.csv": csv_of(table)},
         {"diagnosis.json": json.dumps(run, indent=1).encode()},
         {"law.csv": b"".join(lines[:3])},
     ]
@@ -54,9 +54,7 @@ def read_results(folder: Path, out: Path) -> None:
             outcomes(folder)
             recovered(folder)
         else:
-            for name in ("table.csv", "table.parquet"):
-                if (folder / name).exists():
-                    read_table(folder / name, ["law", "mu", "error", "n"])
+            read_table(folder / "table.csv", ["law", "mu", "error", "n"])
     except UserError as error:
         assert "again" in str(error) or "run the rule" in str(error) or "unfinished" in str(error), error
         raise

@@ -125,12 +125,11 @@ class TestTables:
     @given(st.lists(st.tuples(words, finite, st.integers(-(2**53), 2**53)), min_size=1, max_size=6))
     def test_results_come_back(self, folder, rows):
         table = pd.DataFrame(rows, columns=["law", "mu", "n"])
-        for name in ("a.csv", "a.parquet"):
-            write_table(table, folder / name)
-            back = read_table(folder / name, ["law", "mu", "n"])
-            assert back["law"].tolist() == table["law"].tolist() and back["n"].tolist() == table["n"].tolist()
-            # CSV keeps nine digits
-            assert all(math.isclose(a, b, rel_tol=1e-8, abs_tol=1e-300) for a, b in zip(back["mu"], table["mu"]))
+        write_table(table, folder / "a.csv")
+        back = read_table(folder / "a.csv", ["law", "mu", "n"])
+        assert back["law"].tolist() == table["law"].tolist() and back["n"].tolist() == table["n"].tolist()
+        # CSV keeps nine digits
+        assert all(math.isclose(a, b, rel_tol=1e-8, abs_tol=1e-300) for a, b in zip(back["mu"], table["mu"]))
 
     @few
     @given(st.lists(st.lists(text.map(lambda word: word.replace("\r", "")), min_size=2, max_size=2), max_size=5))
@@ -144,9 +143,8 @@ class TestTables:
     @few
     @given(st.binary(max_size=100))
     def test_any_bytes_are_a_table_or_refused(self, folder, content):
-        for name in ("b.csv", "b.parquet"):
-            (folder / name).write_bytes(content)
-            either(read_table, folder / name, names=name)
+        (folder / "b.csv").write_bytes(content)
+        either(read_table, folder / "b.csv", names="b.csv")
         either(read_cells, folder / "b.csv", names="b.csv")
 
 

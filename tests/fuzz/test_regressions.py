@@ -163,7 +163,6 @@ class TestIntermediates:
             ("a.csv", b"a,mu\n1,\xff\n", "is not a CSV table"),
             ("a.csv", b'mu,"eps\n1,2', "is not a CSV table"),
             ("a.csv", b"", "is not a CSV table"),
-            ("a.parquet", b"not parquet", ""),
         ],
     )
     def test_a_damaged_table_is_named(self, tmp_path, name, content, words):

@@ -9,8 +9,6 @@ finished critique; a dataset is skipped only if none of them has changed.
 
 import contextlib
 import fcntl
-import hashlib
-import json
 import os
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -31,10 +29,10 @@ from thesis_lib.foundation.errors import UserError
 from thesis_lib.foundation.files import read_json, write_json
 from thesis_lib.foundation.isolated import ProcessResult, Task, run_isolated
 from thesis_lib.foundation.progress import duration
-from thesis_lib.foundation.provenance import file_sha256, lib_hash
+from thesis_lib.foundation.provenance import file_sha256, lib_hash, value_sha256
 from thesis_lib.foundation.regular_file import FileProblem, regular_size
 from thesis_lib.report import batch_index
-from thesis_lib.report.critique.whole_folder import LAST, MODEL_FILE
+from thesis_lib.report.critique.folder import LAST, MODEL_FILE
 
 STATE = ".batch"
 PRELOAD = (
@@ -177,7 +175,8 @@ def _closed(out: Path, outcome: ProcessResult, key: str | None) -> dict:
         return batch_index.row_of_failure(outcome.name, outcome.failure)
     row = _row(out, outcome.name)
     if row["status"] == "done" and key is not None:
-        _mark(out, outcome.name, key)
+        with contextlib.suppress(OSError):  # without the mark it is criticised again
+            write_json({"key": key, "files": _written(out / outcome.name)}, out / STATE / f"{outcome.name}.json")
     return row
 
 
@@ -241,18 +240,13 @@ def _key(path: Path, settings: Mapping[str, object]) -> str | None:
                 inputs[file.name] = file_sha256(file)
     except (OSError, FileProblem):
         return None
-    return hashlib.sha256(json.dumps(inputs, sort_keys=True).encode()).hexdigest()
+    return value_sha256(inputs)
 
 
 def _written(folder: Path) -> dict[str, str]:
     """Checksums of the files of a critique that are moved in last; OSError if one is missing."""
     wanted = [name for name in LAST if name != MODEL_FILE or (folder / name).exists()]
     return {name: file_sha256(folder / name) for name in wanted}
-
-
-def _mark(out: Path, name: str, key: str) -> None:
-    with contextlib.suppress(OSError):  # without the mark it is criticised again
-        write_json({"key": key, "files": _written(out / name)}, out / STATE / f"{name}.json")
 
 
 def _is_done(out: Path, name: str, key: str | None) -> bool:

@@ -14,7 +14,7 @@ import pandas as pd
 
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.foundation.files import read_json
-from thesis_lib.report.critique.whole_folder import VERDICT_FILE, is_unfinished
+from thesis_lib.report.critique.folder import VERDICT_FILE, is_unfinished
 from thesis_lib.statistics.intervals import Z95
 
 FAR = 3.0  # standard errors beyond which a difference is pointed out

@@ -18,9 +18,7 @@ of the file alone, not of modules that it imports; that of a package is of all i
 
 import contextlib
 import hashlib
-import importlib.abc
 import importlib.metadata
-import importlib.util
 import os
 import re
 import sys
@@ -77,7 +75,7 @@ def read_file(path: str | Path, *, data: Iterable[str | Path] = (), say: Say) ->
     sha256 = hashlib.sha256(code).hexdigest()
     say(f"{path} is a program, which runs now with all your rights (SHA-256 {sha256[:12]}…)")
     module = _run(code, str(path), f"{path.stem}_{sha256[:12]}")
-    return _held(module, Origin(sha256, file=path.name))
+    return _held(module, Origin(sha256=sha256, file=path.name))
 
 
 def require_outside_of_data(path: str | Path, data: Iterable[str | Path] = ()) -> None:
@@ -93,29 +91,15 @@ def require_outside_of_data(path: str | Path, data: Iterable[str | Path] = ()) -
                 )
 
 
-class _Source(importlib.abc.SourceLoader):
-    """Runs the bytes that were read and hashed, whatever the file holds by then; leaves no compiled copy."""
-
-    def __init__(self, code: bytes, filename: str) -> None:
-        self.code, self.filename = code, filename
-
-    def get_filename(self, fullname: str) -> str:
-        return self.filename
-
-    def get_data(self, path: str) -> bytes:
-        return self.code
-
-
 def _run(code: bytes, filename: str, name: str) -> ModuleType:
+    """Run the bytes that were read and hashed, whatever the file holds by then; leaves no compiled copy."""
     if name in sys.modules:  # of the same bytes
         return sys.modules[name]
-    spec = importlib.util.spec_from_loader(name, _Source(code, filename), origin=filename)
-    assert spec is not None and spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    sys.modules[name] = module  # classes look their module up
+    module = sys.modules[name] = ModuleType(name)  # classes look their module up
+    module.__file__ = filename
     try:
         with contextlib.redirect_stdout(sys.stderr):  # what it prints does not belong to the result
-            spec.loader.exec_module(module)
+            exec(compile(code, filename, "exec", dont_inherit=True), module.__dict__)
     except (Exception, SystemExit) as error:  # a program can raise anything
         del sys.modules[name]
         raise UserError(f"{filename} cannot be loaded: {raised(error)}.") from error
@@ -176,27 +160,29 @@ def installed() -> list[Loaded]:
     """Effects and laws of installed packages, in the order of their names; UserError if one cannot be loaded."""
     found = []
     for distribution, offered in _offers():
-        effects: list[Effect] = []
-        laws: list[Law] = []
         package, version = distribution.metadata["Name"], distribution.version
         if not (re.match(PACKAGE, package) and re.match(VERSION, version)):
             raise UserError(f"The installed package {package!r} {version!r} has a name or a version that is none.")
+        values: list[tuple[importlib.metadata.EntryPoint, object]] = []
         for point in sorted(offered, key=lambda point: (point.group, point.name)):
             try:
-                value = point.load()
+                values.append((point, point.load()))
             except (Exception, SystemExit) as error:
                 raise UserError(
                     f"The installed package {package} {version} offers {point.name} to {point.group}, which cannot be "
                     f"loaded: {raised(error)}. Repair the package, or take it away: python -m pip uninstall {package}"
                 ) from error
+        sha256 = _code_sha256({point.module.partition(".")[0] for point in offered})
+        origin = Origin(sha256=sha256, package=package, version=version)
+        effects: list[Effect] = []
+        laws: list[Law] = []
+        for point, value in values:
             if not isinstance(value, ModuleType):
                 held, value = value, ModuleType(point.name)
                 value.__dict__["EFFECTS" if point.group == GROUPS[0] else "LAWS"] = _as_tuple(held)
-            part = _held(value, Origin("", package=package, version=version))
+            part = _held(value, origin)
             effects += part.effects
             laws += part.laws
-        sha256 = _code_sha256({point.module.partition(".")[0] for point in offered})
-        origin = Origin(sha256, package=package, version=version)
         found.append(Loaded(origin, tuple(effects), tuple(laws)))
     return found
 

@@ -7,12 +7,15 @@ what tells them from the library's.
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, Self
+
+from pydantic import Field, model_validator
 
 from thesis_lib.contact import LAWS, Law
 from thesis_lib.effects import EFFECTS, Effect
 from thesis_lib.effects.effect import FAMILIES
 from thesis_lib.foundation.errors import UserError
+from thesis_lib.foundation.settings import Section
 
 Kind = Literal["effect", "law"]
 NAME = re.compile(r"[a-z][a-z0-9_]{0,59}")
@@ -21,20 +24,20 @@ PACKAGE, VERSION = r"^[\w.-]*$", r"^[\w.!+-]*$"  # of an installed package
 RESERVED = re.compile(r"augmented|best_post_hoc|irb_bound|no_impact|\w*_contact|\w*_as_published")
 
 
-@dataclass(frozen=True)
-class Origin:
-    """Where effects and laws come from: a file, by its name, or an installed package.
+class Origin(Section):
+    """Where effects and laws come from that are not the library's: a file or an installed package, the other is ""."""
 
-    Attributes:
-        file, package: one of the two; the other is "".
-        version: of the package.
-        sha256: of the content of the file, or of the Python files of the package.
-    """
+    # neither a path nor words: a message repeats them
+    file: str = Field("", max_length=200, pattern=r"^([^/\\\x00-\x1f]+\.py)?$", description="its name, without folders")
+    package: str = Field("", max_length=200, pattern=PACKAGE)
+    version: str = Field("", max_length=100, pattern=VERSION, description="of the package")
+    sha256: str = Field(pattern="^[0-9a-f]{64}$", description="of the file, or of the Python files of the package")
 
-    sha256: str
-    file: str = ""
-    package: str = ""
-    version: str = ""
+    @model_validator(mode="after")
+    def _is_from_somewhere(self) -> Self:
+        if bool(self.file) == bool(self.package):
+            raise ValueError("it names a file or a package, not both")
+        return self
 
     def __str__(self) -> str:
         return self.file or f"the package {self.package} {self.version}".rstrip()
@@ -48,7 +51,7 @@ class Origin:
 
     def content(self) -> dict[str, str]:
         """For JSON: what is known of the origin."""
-        return {name: value for name, value in vars(self).items() if value}
+        return {name: value for name, value in ({"sha256": self.sha256} | vars(self)).items() if value}
 
 
 @dataclass(frozen=True)
@@ -84,12 +87,10 @@ def origin_of(kind: Kind, name: str) -> Origin | None:
 
 
 def add(loaded: Loaded) -> None:
-    """Let effects and laws join those of the library; what came from an earlier state of the same file is replaced.
+    """Let effects and laws whose names are free (`require_free`) join those of the library.
 
-    Raises:
-        UserError: a name or title that cannot be used, or is taken; then none of them joins.
+    What came from an earlier state of the same file is replaced.
     """
-    require_free(loaded)
     for (kind, name), origin in list(_ADDED.items()):
         if _same_place(origin, loaded.origin):
             del _ADDED[kind, name]

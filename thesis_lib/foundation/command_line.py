@@ -55,9 +55,6 @@ class TerminalStream(VisibleStream):
     def flush(self) -> None:
         self._stream.flush()
 
-    def fileno(self) -> int:
-        return self._stream.fileno()
-
     def rewrite(self, text: str) -> None:
         """Replace the current line by `text`; on a terminal only."""
         self._stream.write(f"\r{visible(text)}\x1b[K")

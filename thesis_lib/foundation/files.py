@@ -25,7 +25,6 @@ from thesis_lib.foundation.regular_file import FileProblem, MissingFile, read_by
 FLOAT_FORMAT = "%.9g"
 MAX_TABLE = 200_000_000  # bytes; the largest table of a full run has 7 MB
 MAX_CELLS_READ = 30_000_000  # bytes; in memory, texts take about thirty times as much
-MAX_CELLS = 100_000_000  # of a Parquet table, whose size on disk says little
 MAX_HEADER = 100_000  # characters in the first line
 MAX_JSON = 50_000_000  # bytes
 TEXT = ("", "")  # unit and meaning of a column that the column dictionary does not know
@@ -67,34 +66,28 @@ def write_result(table: pd.DataFrame, path: str | Path) -> None:
 
 
 def read_table(path: str | Path, columns: Sequence[str] = ()) -> pd.DataFrame:
-    """Read a table that this program wrote; `columns` must be present.
+    """Read a table that this program wrote as CSV; `columns` must be present.
 
     UserError if the file is missing; CorruptFileError if it cannot be parsed, was cut off, has rows of different
     lengths, holds text in a column of numbers, or lacks a column.
     """
     path = Path(path)
     with _named(path):
-        size = regular_size(path, MAX_TABLE)
-        table = _read_parquet(path) if path.suffix == ".parquet" else _read_csv(path, size)
+        # pandas fills a short row with NaN, so that a truncated table would pass for a whole one
+        deque(_rows(path, regular_size(path, MAX_TABLE)), maxlen=0)
+        table = pd.read_csv(path)
+        _check_numbers(path.stem, table)
     if missing := [name for name in columns if name not in table.columns]:
         raise CorruptFileError(f"{path} lacks column(s) {', '.join(missing)}; delete it and run again.")
     return table
 
 
 def read_cells(path: str | Path) -> pd.DataFrame:
-    """The same as texts, as pandas would take a law called "NA" for NaN; for CSV only."""
+    """The same as texts, as pandas would take a law called "NA" for NaN."""
     path = Path(path)
     with _named(path):
         names, *rows = _rows(path, regular_size(path, MAX_CELLS_READ))
         return pd.DataFrame(rows, columns=names, dtype=object)
-
-
-def _read_csv(path: Path, size: int) -> pd.DataFrame:
-    # pandas fills a short row with NaN, so that a truncated table would pass for a whole one
-    deque(_rows(path, size), maxlen=0)
-    table = pd.read_csv(path)
-    _check_numbers(path.stem, table)
-    return table
 
 
 def _rows(path: Path, size: int) -> Iterator[list[str]]:
@@ -126,15 +119,6 @@ def _check_numbers(name: str, table: pd.DataFrame) -> None:
         stray = cells[pd.to_numeric(cells, errors="coerce").isna()]
         if len(stray) and unit not in ("", "see figure"):
             raise ValueError(f"column {column} holds the text {str(stray.iloc[0])[:40]!r}, expected numbers")
-
-
-def _read_parquet(path: Path) -> pd.DataFrame:
-    import pyarrow.parquet
-
-    with pyarrow.parquet.ParquetFile(path) as file:
-        if file.metadata.num_rows * file.metadata.num_columns > MAX_CELLS:
-            raise ValueError(f"claims {file.metadata.num_rows:,} rows")
-    return pd.read_parquet(path)
 
 
 @contextlib.contextmanager

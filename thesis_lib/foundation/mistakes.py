@@ -45,12 +45,9 @@ def mistakes_in(
     for entry in error.errors(include_url=False):
         place = _place(entry["loc"], content)
         meaning = next((node["description"] for node in _nodes(schema, entry["loc"]) if "description" in node), "")
-        yield Mistake(place, line_of(place, lines), *_said(entry, schema), meaning)
-
-
-def line_of(place: Place, lines: Mapping[Place, int]) -> int | None:
-    """Line of a place, or of the nearest place that encloses it; None for the whole file."""
-    return next((lines[place[:n]] for n in range(len(place), 0, -1) if place[:n] in lines), None)
+        # its own, or that of the nearest place that encloses it; None for the whole file
+        line = next((lines[place[:n]] for n in range(len(place), 0, -1) if place[:n] in lines), None)
+        yield Mistake(place, line, *_said(entry, schema), meaning)
 
 
 def _place(loc: Place, content: Any) -> Place:

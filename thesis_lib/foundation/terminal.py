@@ -4,7 +4,7 @@ A terminal obeys control characters in text (colours, window title, clipboard, e
 direction make a line read as another.  Names of folders, columns and keys come from whoever made a dataset.
 """
 
-from typing import TextIO
+from typing import Any, TextIO
 
 LAYOUT = "\n\t"
 
@@ -31,5 +31,5 @@ class VisibleStream:
         self._stream.write(visible(text))
         return len(text)
 
-    def __getattr__(self, name: str) -> object:
+    def __getattr__(self, name: str) -> Any:
         return getattr(self._stream, name)

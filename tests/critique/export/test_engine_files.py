@@ -25,8 +25,8 @@ from engine_runs import (
 from tests.critique.simulation import saved_models
 from thesis_lib.bodies.body import Body
 from thesis_lib.bodies.shapes import Disk, Polygon
+from thesis_lib.commands.model import FORMATS
 from thesis_lib.critique.export.export import body_of, exported, patched
-from thesis_lib.critique.export.solid import FORMATS
 from thesis_lib.effects import EFFECTS, effects_in
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.mechanics.space import PLANE

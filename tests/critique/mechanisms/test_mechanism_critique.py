@@ -257,7 +257,7 @@ def test_diagnosis_and_page_tell_the_story(critiques):
     assert effect["name"] == "viscous_joint_friction"
     assert effect["parameters"]["b_1"]["value"] == pytest.approx(SIZES.viscous[0], rel=0.05)
     assert d["error"]["base"] > d["error"]["augmented"]
-    page = mechanism_page(d, {})
+    page = mechanism_page(d)
     for words in ("1. How far", "2. Where it fails", "3. Which effect", "4. What adding", "could have shown"):
         assert words in page
     assert "b_1" in page and page.count("<h1>") == 1
@@ -269,7 +269,7 @@ def test_diagnosis_of_nothing_and_of_something_unknown(critiques):
         assert d["verdict"] == verdict and d["summary"]
         # an effect may stand in for an unknown cause; it clears all tests and does not explain it
         assert d["effects"] == [] or verdict == "unexplained"
-        assert verdict in mechanism_page(d, {})
+        assert verdict in mechanism_page(d)
 
 
 def test_bad_input_is_refused(models, plans):

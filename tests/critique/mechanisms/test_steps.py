@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from thesis_lib.critique.mechanisms.steps import interpolation, lasting, may_touch, rule_of
+from thesis_lib.critique.mechanisms.steps import interpolation, may_touch, rule_of
 
 
 def errors_of(velocities: str, h: float) -> np.ndarray:
@@ -59,8 +59,3 @@ def test_a_bounce_between_samples_counts_as_contact():
     phi = np.array([10.0, 6.0, 2.0, 3.0, 7.0, 11.0])[:, None] * 1e-3
     touching = may_touch(phi, np.full_like(phi, 1e-3))[:, 0]
     assert touching.tolist() == [False, True, True, True, False]
-
-
-def test_short_stretches_do_not_last():
-    on = np.array([1, 1, 0, 1, 1, 1, 0, 1], dtype=bool)
-    assert lasting(on, 3).tolist() == [False, False, False, True, True, True, False, False]

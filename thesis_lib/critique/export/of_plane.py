@@ -41,14 +41,15 @@ def planar_body(model: SavedModel, target: str, mass: float | None = None, depth
     def of(name: str) -> float:
         return values.get(name, 0.0)
 
-    shape = _grown(model.rig.shape, 1.0 + of("wrong_size.s"))
-    depth = depth or 2.0 * _half_width(shape)
-    uniform, at = _deep(shape, depth)
+    shape, size = model.rig.shape, 1.0 + of("wrong_size.s")
+    depth = depth or 2.0 * size * _half_width(shape)
+    uniform, at = _deep(shape, depth / size)
+    uniform, at = uniform.scaled(size), replace(at, origin=size * at.origin)
     G = at.vectors_out(at.vectors_out(uniform.moments.inertia_per_mass).T)
     k = model.rig.radius_of_gyration * float(np.sqrt(1.0 + of("wrong_inertia.d_I")))
     solid, seen = uniform, None
     if isinstance(shape, Disk) and target == "urdf":  # Drake iterates for a cylinder on a box and does not get on
-        solid, seen = Sphere(radius=shape.radius), uniform
+        solid, seen = Sphere(radius=size * shape.radius), uniform
     if isinstance(solid, Box | Hull) and (rho := of("rounded_corners.rho")):
         if rho >= 0.5 * depth:
             raise UserError(f"--depth {depth:g} is too thin for corners of {rho:g} m radius; give more.")
@@ -81,7 +82,7 @@ def planar_body(model: SavedModel, target: str, mass: float | None = None, depth
             + "; the others as of a uniform solid, scaled alike",
         ),
         not_patched={
-            "wrong_size": f"geometry is not patched: scale it by {1.0 + of('wrong_size.s'):.6g}",
+            "wrong_size": f"geometry is not patched: scale it by {size:.6g}",
             "rounded_corners": f"geometry is not patched: round the corners with {of('rounded_corners.rho'):.6g} m",
             "surface_height": f"the surface is not patched: its height is {height:.6g} m",
             "surface_tilt": f"the surface is not patched: {leans.format(tilt)}",
@@ -111,16 +112,6 @@ def _box(shape: Polygon) -> tuple[np.ndarray, np.ndarray] | None:
     low, high = corners.min(axis=0), corners.max(axis=0)
     off = np.minimum(np.abs(corners - low), np.abs(corners - high)).max()
     return (0.5 * (low + high), 0.5 * (high - low)) if len(corners) == 4 and off < ALIGNED else None
-
-
-def _grown(shape: Shape, factor: float) -> Shape:
-    if isinstance(shape, Ellipse):
-        a, b = shape.semi_axes
-        return Ellipse(semi_axes=(factor * a, factor * b))
-    if isinstance(shape, Disk):
-        return Disk(radius=factor * shape.radius)
-    corners = [(float(x), float(y)) for x, y in factor * shape.corners]
-    return Polygon(vertices=tuple(corners))
 
 
 def _half_width(shape: Shape) -> float:

@@ -17,7 +17,7 @@ Identification and Control of Robots, 2002, doi 10.1016/B978-1-903996-66-9.X5000
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -33,15 +33,15 @@ SMOOTH_JOINT, SMOOTH_ROLLING = 0.02, 0.03
 class MotionSteps:
     """n steps of measured motion: q, v, a (n, nv) in m, rad and s; normal forces `c_n` (n, p) of the pairs in N.
 
-    `f` (n, nv) is the known force in N or N m, `df` (n, nv) its time derivative; None where neither is needed.
+    `f` (n, nv) is the known force in N or N m, `df` (n, nv) its time derivative; empty where neither is needed.
     """
 
     q: np.ndarray
     v: np.ndarray
     a: np.ndarray
     c_n: np.ndarray
-    f: np.ndarray | None = None
-    df: np.ndarray | None = None
+    f: np.ndarray = field(default_factory=lambda: np.zeros((0, 0)))
+    df: np.ndarray = field(default_factory=lambda: np.zeros((0, 0)))
 
 
 Force = Callable[[BelievedModel, MotionSteps, np.ndarray], np.ndarray]

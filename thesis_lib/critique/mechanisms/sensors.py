@@ -55,12 +55,7 @@ def sensor_errors(sampling: Sampling, joints: int) -> tuple[MechanismEffect, ...
     )
 
 
-def _of_joints(samples: np.ndarray | None, joints: int) -> np.ndarray:
-    assert samples is not None
-    return samples[:, :joints]
-
-
-_delay = at_joints(lambda p, motion, n: -p[0] * _of_joints(motion.df, n))
+_delay = at_joints(lambda p, motion, n: -p[0] * motion.df[:, :n])
 
 
 @at_joints
@@ -68,7 +63,7 @@ def _ripple(p: np.ndarray, motion: MotionSteps, joints: int) -> np.ndarray:
     angles = np.arange(1, HARMONICS + 1) * motion.q[:, :joints, None]
     waves = np.concatenate([np.cos(angles), np.sin(angles)], axis=2)
     share = np.einsum("kjh,jh->kj", waves, np.reshape(p, (joints, -1)))
-    return _of_joints(motion.f, joints) * share
+    return motion.f[:, :joints] * share
 
 
 def camera_delay(trials: Sequence[Trial], model: BelievedModel, delay: float) -> float:

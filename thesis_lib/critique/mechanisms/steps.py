@@ -122,15 +122,6 @@ def may_touch(phi: np.ndarray, reach: np.ndarray) -> np.ndarray:
     return near[:-1] | near[1:]
 
 
-def lasting(on: np.ndarray, least: int) -> np.ndarray:
-    """`on` (n,) without stretches of fewer than `least` steps."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], on.astype(int), [0]])))
-    out = np.zeros_like(on)
-    for start, stop in edges.reshape(-1, 2):
-        out[start:stop] = stop - start >= least
-    return out
-
-
 def interpolation(m: int, shift: float) -> np.ndarray:
     """(m, m) weights of samples that give the signal `shift` samples later, by cubics; at the ends, extrapolated."""
     W = np.zeros((m, m))

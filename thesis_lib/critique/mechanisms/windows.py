@@ -38,11 +38,12 @@ from itertools import combinations, pairwise, product
 
 import numpy as np
 from scipy.linalg import solve_triangular
+from scipy.ndimage import binary_opening
 
 from thesis_lib.critique.mechanisms.effects import SMOOTH_JOINT, MotionSteps
 from thesis_lib.critique.mechanisms.model import BelievedModel
 from thesis_lib.critique.mechanisms.settings import EquationWindowSettings
-from thesis_lib.critique.mechanisms.steps import StepRule, Trial, lasting, may_touch, rule_of
+from thesis_lib.critique.mechanisms.steps import StepRule, Trial, may_touch, rule_of
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.simulate.stepping.multibody import ContactGeometry
 
@@ -131,7 +132,7 @@ class WeakForm:
         noise = np.sqrt(weights @ weights) * t.sigma["qv".index(self.rule.v[0][0])]
         for i in range(self.model.joints):
             slow = np.abs(v[:, i]) <= settings.gap_sigmas * noise[i] + SMOOTH_JOINT
-            still[k, i] = lasting(slow, settings.min_window)
+            still[k, i] = binary_opening(slow, np.ones(settings.min_window))  # no shorter stretches
         return np.concatenate([active, still], axis=1)
 
     def _reach(self, contacts: ContactGeometry, t: Trial, settings: EquationWindowSettings) -> np.ndarray:

@@ -181,7 +181,7 @@ def fit_effects(
     values = {e.name: np.zeros(len(e.parameters)) for e in forces}
     std: dict[str, np.ndarray] = {}
     ends = np.cumsum([len(e.parameters) for e in forces])[:-1]
-    z, U = residual(weak, forces, values), np.zeros((len(weak.trial), 0))
+    z, U = weak.residual(total_force(weak, forces, values)), np.zeros((len(weak.trial), 0))
     for _ in range(ROUNDS if forces else 0):
         U = np.concatenate(_columns(weak, forces, forces, values), axis=1)
         own, units = _prior(forces, values)
@@ -189,25 +189,21 @@ def fit_effects(
         change, spread = _solve(both, np.concatenate([z, own])), np.sqrt(np.diag(np.linalg.pinv(both.T @ both)))
         for e, step, error in zip(forces, np.split(change, ends), np.split(spread, ends)):
             values[e.name], std[e.name] = values[e.name] + step, error
-        z = residual(weak, forces, values)
+        z = weak.residual(total_force(weak, forces, values))
     return ForceFit(tuple(effects), values, std, z, U, tuple(sensors))
 
 
 def _prior(forces: Sequence[MechanismEffect], values: Mapping[str, np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
     """Residuals -p / σ_p of the priors of `forces`, and their columns, one for each parameter of any force."""
-    counts = [len(e.parameters) for e in forces]
-    z, rows = [], []
-    for e, at in zip(forces, np.cumsum([0, *counts])):
-        for i, sigma in enumerate(e.prior):
-            z.append(-values[e.name][i] / sigma)
-            rows.append(np.zeros(sum(counts)))
-            rows[-1][at + i] = 1.0 / sigma
-    return np.array(z), np.array(rows).reshape(len(rows), sum(counts))
+    sigma = np.array([sigma for e in forces for sigma in e.prior])
+    own = np.concatenate([np.zeros(0), *(values[e.name] for e in forces if e.prior)])
+    # sensor errors, which alone have priors, are the first of the columns
+    return -own / sigma, np.eye(len(sigma), sum(len(e.parameters) for e in forces)) / sigma[:, None]
 
 
 def predict(weak: WeakForm, fitted: ForceFit) -> ForceJudgement:
     """Judge a model on windows that it was not fitted to."""
-    z = residual(weak, fitted.forces, fitted.values)
+    z = weak.residual(total_force(weak, fitted.forces, fitted.values))
     _, units = fitted.prior
     if not len(units):
         return ForceJudgement(z, weak, np.ones(len(z)))
@@ -245,11 +241,6 @@ def _widened(z: np.ndarray, U: np.ndarray, cov: np.ndarray) -> tuple[np.ndarray,
         return z, np.ones(len(z))
     L = np.linalg.cholesky(np.eye(len(z)) + U @ cov @ U.T)
     return solve_triangular(L, z, lower=True), np.diag(L)
-
-
-def residual(weak: WeakForm, effects: Sequence[MechanismEffect], values: Mapping[str, np.ndarray]) -> np.ndarray:
-    """z (N,) of `weak` with `effects` at `values`."""
-    return weak.residual(total_force(weak, effects, values))
 
 
 def total_force(weak: WeakForm, effects: Sequence[MechanismEffect], values: Mapping[str, np.ndarray]) -> np.ndarray:

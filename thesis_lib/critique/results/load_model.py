@@ -66,7 +66,6 @@ def load_model(path: str | Path) -> SavedModel:
 
 def _remedy(model: SavedModel, name: str) -> str:
     """Where a law or an effect came from that is not loaded, and how to load it; "" if the model does not say."""
-    if name not in model.origins:
+    if (origin := model.origins.get(name)) is None:
         return ""
-    origin = model.origins[name].origin
     return f"it came from {origin} and is not loaded: {origin.remedy}"

@@ -7,12 +7,12 @@ import csv
 import io
 from collections.abc import Mapping
 from pathlib import Path
-from typing import ClassVar, Literal, Self
+from typing import ClassVar, Literal
 
 import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike
-from pydantic import Field, model_validator
+from pydantic import Field
 
 from thesis_lib.bodies.shapes import Shape
 from thesis_lib.bodies.walls import MOST, Wall, in_wall_frame, struck_wall, turns
@@ -24,7 +24,7 @@ from thesis_lib.critique.drops.sliding import SLIDING, TABLE
 from thesis_lib.critique.likelihood.fit import Fit
 from thesis_lib.effects import EFFECTS
 from thesis_lib.effects.effect import Reference, Rig
-from thesis_lib.extensions.registry import PACKAGE, VERSION, Origin, additions, origin_of
+from thesis_lib.extensions.registry import Origin, additions, origin_of
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.foundation.files import six_digits, write_json
 from thesis_lib.foundation.regular_file import read_bytes
@@ -53,26 +53,6 @@ class SavedParameter(Section):
     bound: Literal["lower", "upper"] | None = Field(None, description="all that the data say: at least, or at most")
     used: float | None = Field(None, allow_inf_nan=False, description="in predictions, where `value` is a bound")
     range: tuple[float, float] | None = Field(None, description="of values that a bound was searched in")
-
-
-class SavedOrigin(Section):
-    """Where an effect or a law comes from that is not the library's: a file or an installed package."""
-
-    # neither a path nor words: a message repeats them
-    file: str = Field("", max_length=200, pattern=r"^([^/\\\x00-\x1f]+\.py)?$", description="its name, without folders")
-    package: str = Field("", max_length=200, pattern=PACKAGE)
-    version: str = Field("", max_length=100, pattern=VERSION, description="of the package")
-    sha256: str = Field(pattern="^[0-9a-f]{64}$", description="of the code")
-
-    @model_validator(mode="after")
-    def _is_from_somewhere(self) -> Self:
-        if bool(self.file) == bool(self.package):
-            raise ValueError("it names a file or a package, not both")
-        return self
-
-    @property
-    def origin(self) -> Origin:
-        return Origin(self.sha256, self.file, self.package, self.version)
 
 
 class SavedReference(Section):
@@ -108,7 +88,7 @@ class SavedModel(Section):
     dataset: str = Field("", description="fitted to it")
     law: str = Field(description="an impact law or a compliant contact")
     effects: tuple[str, ...] = Field((), description="keys of thesis_lib.effects.EFFECTS, in order")
-    origins: dict[str, SavedOrigin] = Field({}, description="of the law and those effects that are not the library's")
+    origins: dict[str, Origin] = Field({}, description="of the law and those effects that are not the library's")
     parameters: dict[str, SavedParameter] = Field(description="mu, epsilon, tau if seen, effect.parameter")
     scatter: float = Field(0.0, ge=0, description="m/s, of the velocity after impact beyond noise")
     rig: SavedRig
@@ -225,7 +205,7 @@ class SavedModel(Section):
             name: {k: v for k, v in p.items() if k not in OF_BOUND or v is not None}
             for name, p in content["parameters"].items()
         }
-        content["origins"] = {name: one.origin.content() for name, one in self.origins.items()}
+        content["origins"] = {name: one.content() for name, one in self.origins.items()}
         if content["rig"]["reference"]["y"] is None:
             del content["rig"]["reference"]["y"]
         content["rig"] = {k: v for k, v in content["rig"].items() if (k, v) not in _USUAL}
@@ -251,7 +231,7 @@ def content_of(fitted: Fit, dataset: str, parameters: Mapping[str, Mapping] | No
     effects = [effect.name for effect in fitted.model.effects]
     law = fitted.model.law.name
     of = {"law": [law], "effect": effects}
-    origins = {name: origin.content() for (kind, name), origin in additions().items() if name in of[kind]}
+    origins = {name: origin for (kind, name), origin in additions().items() if name in of[kind]}
     model = {"schema": 1, "dataset": dataset, "law": law, "effects": effects, "origins": origins}
     return six_digits(model | {"parameters": parameters, "scatter": fitted.sigma_m})
 
@@ -260,7 +240,7 @@ def changed_code(model: SavedModel) -> list[str]:
     """A sentence for the law and each effect whose code is no longer that which the model was fitted with."""
     now = {**{name: origin_of("effect", name) for name in model.effects}, model.law: origin_of("law", model.law)}
     return [
-        f"{name} was fitted with another state of {saved.origin}; its numbers hold for that one."
+        f"{name} was fitted with another state of {saved}; its numbers hold for that one."
         for name, saved in model.origins.items()
         if (origin := now.get(name)) is not None and origin.sha256 != saved.sha256
     ]

@@ -15,8 +15,6 @@ Parts, in (m/s)², are subtracted in this order, each between zero and the remai
 largest 2 % of the errors are excluded: a single missed hit would dominate a mean square.
 """
 
-from collections.abc import Mapping
-
 import numpy as np
 import pandas as pd
 
@@ -36,7 +34,6 @@ from thesis_lib.critique.likelihood.synthesis import synthesise
 from thesis_lib.critique.results.numbers import contact_residuals, impact_errors
 from thesis_lib.critique.selection.discovery import paired_gain
 from thesis_lib.datasets.format.impacts import Impacts
-from thesis_lib.foundation.columns import explain
 from thesis_lib.statistics.bootstrap import bootstrap_mean
 
 COMPARISON = (
@@ -52,17 +49,18 @@ TRIM = 0.02  # share of the impacts, largest errors first, that the budget exclu
 
 
 def tables(critique: DropsCritique, rng: np.random.Generator) -> dict[str, pd.DataFrame]:
-    """All tables by file stem; KeyError if columns.yaml does not explain a column."""
+    """All tables by file stem."""
     content = {
         "comparison": comparison(critique),
         "errors": errors(critique),
         "ladder": ladder(critique, rng),
-        "impacts": impacts(critique.observations, critique.held_out.trial),
         "budget": budget(critique, rng),
     }
+    if critique.space.is_plane:
+        content["impacts"] = impacts(critique.observations, critique.held_out.trial)
     if len(critique.observations.flights):
         content["flights"] = flight_table(critique)
-    return _explained(content)
+    return content
 
 
 def comparison(critique: DropsCritique) -> pd.DataFrame:
@@ -88,18 +86,11 @@ def comparison(critique: DropsCritique) -> pd.DataFrame:
 
 
 def few_tables(few: FewImpacts) -> dict[str, pd.DataFrame]:
-    """`impacts` and `comparison` of impacts that are too few for a verdict: nothing is held out."""
+    """`comparison` and in the plane `impacts`, where these are too few for a verdict: nothing is held out."""
     none = np.zeros(0)
     rows = [_row(name, "law", none, fitted) for name, fitted in few.laws.items()]
-    comparison = pd.DataFrame(rows).reindex(columns=COMPARISON)
-    return _explained({"comparison": comparison, "impacts": impacts(few.observations, none)})
-
-
-def _explained(content: Mapping[str, pd.DataFrame]) -> dict[str, pd.DataFrame]:
-    """The tables that have columns, each of which columns.yaml explains; KeyError if it does not."""
-    for name, table in content.items():
-        explain(name, table.columns)
-    return {name: table for name, table in content.items() if len(table.columns)}
+    content = {"comparison": pd.DataFrame(rows).reindex(columns=COMPARISON)}
+    return content | ({"impacts": impacts(few.observations, none)} if few.observations.space.is_plane else {})
 
 
 def errors(critique: DropsCritique) -> pd.DataFrame:
@@ -147,12 +138,7 @@ def ladder(critique: DropsCritique, rng: np.random.Generator) -> pd.DataFrame:
 
 
 def impacts(o: Observations, held_out: np.ndarray) -> pd.DataFrame:
-    """Impacts used, with covariance, and those left out, with the reason; `held_out`: trials that no choice saw.
-
-    Empty in space.
-    """
-    if not o.space.is_plane:
-        return pd.DataFrame()
+    """Impacts in the plane, used, with covariance, and left out, with the reason; `held_out`: trials no choice saw."""
     used = o.found.impacts.to_table().assign(hits=1, span=0.0, used=1, reason="", detail="")
     rows = np.flatnonzero(o.span)
     if len(rows):

@@ -88,8 +88,7 @@ def rung_title(critique: DropsCritique, i: int) -> str:
 
 def addition_title(one: Mapping) -> str:
     """Title of an effect or a law in `additions`."""
-    library: Mapping = EFFECTS if one["kind"] == "effect" else BASES
-    return library[one["name"]].title if one["name"] in library else one["name"]
+    return (effect_title if one["kind"] == "effect" else law_title)(one["name"])
 
 
 def origin_text(one: Mapping) -> str:

@@ -29,7 +29,6 @@ from thesis_lib.mechanics.state import State
 from thesis_lib.simulate.rig.hidden_causes import PROOF_RELEASE, RIG_NOISE
 from thesis_lib.simulate.rig.release import Release
 
-ENGINES = ("own", "drake")
 RATE = 250.0  # Hz
 DURATION = 0.6  # s, for releases of the proof under 9.81 m/s²
 AFTER_FALL = 0.3  # s, recorded after the longest fall if no trajectories give a duration
@@ -55,12 +54,8 @@ def simulate_model(
         say: receives a line for each step.
 
     Raises:
-        UserError: n is not positive, the engine is unknown or not installed, or `like` shows no release.
+        UserError: the engine is not installed, or `like` shows no release.
     """
-    if n is not None and n < 1:
-        raise UserError(f"The number of drops must be 1 or more, got {n}.")
-    if engine not in ENGINES:
-        raise UserError(f"There is no engine {engine!r}; known are {', '.join(ENGINES)}.")
     require_falling(model.rig.gravity, model.rig.has_angle, model.rig.walls, "simulate")
     rate, noise = RATE, RIG_NOISE
     if like is None:
@@ -73,7 +68,9 @@ def simulate_model(
         releases, duration = measured_releases(model, like, observations)
         rate, noise = like.rate or RATE, _noise(like, observations)
         n = n or len(releases.q)
-    model = _recounted(model, n, duration, model.rig.reference.x if like else 0.0)
+    # the drops begin at 0 s with number 0
+    middle = SavedReference(x=model.rig.reference.x if like else 0.0, t=0.5 * duration, trial=0.5 * (n - 1))
+    model = model.model_copy(update={"rig": model.rig.model_copy(update={"reference": middle})})
     say(f"simulating {n} drops of {duration:.2f} s, engine {engine}")
     poses = own_poses
     if engine == "drake":
@@ -94,12 +91,6 @@ def simulate_model(
     header = made.header.model_copy(update={"surface": Surface(height=height), "description": text})
     table = made.trajectories.assign(y=made.trajectories["y"] + height)  # pyright: ignore[reportOptionalMemberAccess, reportOptionalSubscript]
     return replace(made, name="simulated", header=header, trajectories=table)
-
-
-def _recounted(model: SavedModel, n: int, duration: float, x: float) -> SavedModel:
-    """The model with its reference in the middle of n simulated drops at x (m), which begin at 0 s with number 0."""
-    middle = SavedReference(x=x, t=0.5 * duration, trial=0.5 * (n - 1))
-    return model.model_copy(update={"rig": model.rig.model_copy(update={"reference": middle})})
 
 
 def proof_releases(model: SavedModel) -> Release:

@@ -4,7 +4,7 @@ Reading order:
 
 | file                               | holds                                                                       |
 |------------------------------------|-----------------------------------------------------------------------------|
-| `folder`, `whole_folder`           | writes a folder of results; what the pages of all critiques share           |
+| `folder`                           | writes a folder of results; what the pages of all critiques share           |
 | `page`                             | the page of drops: its sections in order, sentences on data, laws, failures |
 | `effects`                          | sentences on missing effects                                                |
 | `tables`                           | tables, and the captions of the pictures                                    |

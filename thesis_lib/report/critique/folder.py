@@ -12,22 +12,38 @@ Of drops:
 Of impacts that are too few for a verdict: impacts.csv, comparison.csv, diagnosis.json, model.json and report.html.
 Of a mechanism: misfit.csv, mechanism_residuals.png .pdf .csv, diagnosis.json and report.html.
 
+The folder is complete: a run that dies leaves an earlier critique untouched.  Everything is first written into
+`.<name>.part` beside the folder.  Then the old diagnosis.json, report.html and model.json and files that this run does
+not make are removed, and the new files are moved in, diagnosis.json last: a folder with diagnosis.json is complete.
+
 Pages of all critiques have verdict, sentences, and sections in the order of a reader's questions: how far is the model
 from the measurements, where does it fail, which effect is missing, what does adding it change, what remains open, and
 what could these data have shown?
 """
 
+import shutil
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from markupsafe import Markup
 
-from thesis_lib.critique.results.findings import Findings
-from thesis_lib.figures.style import Drawn, save_figure
 from thesis_lib.foundation.files import write_json, write_result, write_text
 from thesis_lib.pages import page
-from thesis_lib.report.critique.whole_folder import MODEL_FILE, REGIONS, VERDICT_FILE, whole_folder
+
+if TYPE_CHECKING:
+    from thesis_lib.critique.results.findings import Findings
+    from thesis_lib.figures.style import Drawn
+
+VERDICT_FILE, MODEL_FILE = "diagnosis.json", "model.json"
+LAST = ("model.json", "report.html", VERDICT_FILE)  # moved in last, in this order; a mechanism has no model.json
+# written by any critique beside its pictures: those of an earlier critique that this one does not make are removed
+TABLES = ("comparison", "errors", "ladder", "candidates", "choices", "impacts", "budget", "flights", "models")
+TABLES += ("misfit", "mechanism_residuals")
+REGIONS = "where.json"
+# a folder with all files of one of these belongs to a critique
+MARKS = ((REGIONS, "comparison.csv", "ladder.csv"), ("misfit.csv", "mechanism_residuals.csv"))
 
 
 @dataclass(frozen=True)
@@ -35,13 +51,22 @@ class Contents:
     """Page and pictures of the findings: `page` is report.html, `images` the pictures as PNG where these are made."""
 
     page: str
-    pictures: Mapping[str, Drawn] = field(default_factory=dict)
+    pictures: "Mapping[str, Drawn]" = field(default_factory=dict)
     images: Mapping[str, bytes] = field(default_factory=dict)
 
 
-def write_critique(findings: Findings, contents: Contents, folder: str | Path) -> None:
-    """Write all files of a critique into `folder`, which is made if needed; those of an earlier one are replaced."""
-    with whole_folder(folder) as part:
+def write_critique(findings: "Findings", contents: Contents, folder: str | Path) -> None:
+    """Write all files of a critique into `folder`, which is made if needed; those of an earlier one are replaced.
+
+    Files that no critique writes stay.
+    """
+    from thesis_lib.figures.style import save_figure
+
+    folder = Path(folder)
+    part = folder.resolve().with_name(f".{folder.resolve().name}.part")
+    shutil.rmtree(part, ignore_errors=True)  # left by a run that was killed
+    try:
+        part.mkdir(parents=True)
         for name, (figure, numbers) in contents.pictures.items():
             # a picture of a table is stored with that table
             save_figure(figure, findings.tables.get(name, numbers), part / name, contents.images.get(name))
@@ -53,6 +78,32 @@ def write_critique(findings: Findings, contents: Contents, folder: str | Path) -
             findings.model.save(part / MODEL_FILE)
         write_text(contents.page, part / "report.html")
         write_json(findings.diagnosis, part / VERDICT_FILE)
+        _replace(folder, part)
+    finally:
+        shutil.rmtree(part, ignore_errors=True)
+
+
+def is_unfinished(folder: str | Path) -> bool:
+    """Whether a folder holds files of a critique but not the one that is written last."""
+    folder = Path(folder)
+    marked = any(all((folder / name).is_file() for name in mark) for mark in MARKS)
+    return marked and not (folder / VERDICT_FILE).exists()
+
+
+def _replace(folder: Path, part: Path) -> None:
+    """Move the files of `part` into `folder`, and remove those of an earlier critique that it does not make."""
+    from thesis_lib.figures.critique.pictures import NAMES
+
+    new = {path.name for path in part.iterdir()}
+    folder.mkdir(parents=True, exist_ok=True)
+    for name in reversed(LAST):
+        (folder / name).unlink(missing_ok=True)
+    for path in folder.iterdir():
+        of_critique = path.stem in {*NAMES, *TABLES} and path.suffix in (".csv", ".png", ".pdf")
+        if path.name not in new and (of_critique or path.name == REGIONS):
+            path.unlink()
+    for name in (*sorted(new - set(LAST)), *(name for name in LAST if name in new)):
+        (part / name).replace(folder / name)
 
 
 TEMPLATE = Path(__file__).with_name("skeleton.html")

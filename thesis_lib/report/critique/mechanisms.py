@@ -2,16 +2,14 @@
 
 from collections.abc import Mapping
 
-import numpy as np
 from markupsafe import Markup
 
 from thesis_lib.critique.mechanisms.critique import MechanismCritique
-from thesis_lib.critique.mechanisms.diagnosis import mechanism_diagnosis, misfit_table, residual_tables
+from thesis_lib.critique.mechanisms.diagnosis import residual_tables
 from thesis_lib.critique.mechanisms.effects import CANDIDATES
 from thesis_lib.critique.results.findings import Findings
 from thesis_lib.critique.results.titles import symbol
 from thesis_lib.figures.critique.mechanisms import figure_residuals
-from thesis_lib.figures.style import Drawn
 from thesis_lib.report.critique.folder import Contents, critique_page
 from thesis_lib.report.elements import amount, bullets, estimate, fitted, interval, paragraph, percent, picture, table
 from thesis_lib.statistics.wording import listed, number
@@ -23,9 +21,15 @@ RESIDUALS = (
 )
 
 
-def mechanism_page(d: Mapping, pictures: Mapping[str, tuple[Drawn, str]]) -> str:
-    """report.html from the content of diagnosis.json and the pictures with their captions."""
-    shown = [picture(drawn[0], caption) for drawn, caption in pictures.values()]
+def mechanism_contents(critique: MechanismCritique, findings: Findings) -> Contents:
+    """Picture and page of a mechanism."""
+    drawn = figure_residuals(*residual_tables(critique))
+    page = mechanism_page(findings.diagnosis, picture(drawn[0], RESIDUALS))
+    return Contents(page, {"mechanism_residuals": drawn})
+
+
+def mechanism_page(d: Mapping, *shown: Markup) -> str:
+    """report.html from the content of diagnosis.json and the pictures."""
     error, lost = d["error"], d["left_out"]
     reasons = "; ".join(f"{name}: {count}" for name, count in lost["reasons"].items())
     why = f" ({reasons} {lost['unit']})" if reasons else ""
@@ -64,18 +68,6 @@ def mechanism_page(d: Mapping, pictures: Mapping[str, tuple[Drawn, str]]) -> str
         "What these data could have shown": ("power", _detectable(d)),
     }
     return critique_page(d, contents, "force")
-
-
-def mechanism_findings(critique: MechanismCritique, name: str, rng: np.random.Generator) -> Findings:
-    """Findings on a mechanism, under the `name` of its recording; `rng` permutes windows."""
-    return Findings(mechanism_diagnosis(critique, name, rng), {"misfit": misfit_table(critique)})
-
-
-def mechanism_contents(critique: MechanismCritique, findings: Findings) -> Contents:
-    """Picture and page of a mechanism."""
-    drawn = figure_residuals(*residual_tables(critique))
-    page = mechanism_page(findings.diagnosis, {"residuals": (drawn, RESIDUALS)})
-    return Contents(page, {"mechanism_residuals": drawn})
 
 
 def _others(effect: Mapping) -> str:
