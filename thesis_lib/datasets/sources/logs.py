@@ -8,12 +8,11 @@ import numpy as np
 
 from thesis_lib.datasets.format.samples import Samples
 from thesis_lib.datasets.samples.stamps import times_of_pictures
-from thesis_lib.datasets.sources.conversion import Conversion
+from thesis_lib.datasets.sources.conversion import PART, Conversion, Recorded, View, long_period
 from thesis_lib.datasets.sources.kept_in_space import keep_in_space
-from thesis_lib.datasets.sources.motion_capture import bags, c3d, motive, optitrack, qualisys, tensors, vicon
+from thesis_lib.datasets.sources.motion_capture import bags, c3d, motive, qualisys, tensors, vicon
 from thesis_lib.datasets.sources.motion_capture.export_cells import SEQUENCES
 from thesis_lib.datasets.sources.projected import project
-from thesis_lib.datasets.sources.recorded import PART, Recorded, View, long_period
 from thesis_lib.datasets.sources.rig_log import FLAT, convert_logs, read_planar_motions
 from thesis_lib.datasets.sources.tables.log_table import read_log
 from thesis_lib.datasets.sources.tables.options import Reading, parse_direction, parse_numbers
@@ -28,7 +27,7 @@ EXPORTS = {  # form of a text -> how a file begins, how it is read, which axis i
     "an export of Motive": (motive.BEGINS, motive.read_motive, motive.UP),
     "an export of Vicon": (vicon.BEGINS, vicon.read_vicon, vicon.UP),
     "an export of Qualisys": (qualisys.BEGINS, qualisys.read_qualisys, qualisys.UP),
-    "an older export of OptiTrack": (optitrack.BEGINS, optitrack.read_optitrack, optitrack.UP),
+    "an older export of OptiTrack": (motive.BEGINS_OLDER, motive.read_optitrack, motive.UP),
 }
 UP = {TABLE: "z", BAG: bags.UP, C3D: c3d.UP, TENSORS: tensors.UP} | {form: up for form, (_, _, up) in EXPORTS.items()}
 # options that other forms have no use for

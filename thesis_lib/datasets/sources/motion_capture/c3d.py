@@ -12,6 +12,7 @@ from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from thesis_lib.datasets.sources.motion_capture.export_cells import length_unit
 from thesis_lib.datasets.sources.motion_capture.own_process import arrays_of
@@ -67,8 +68,6 @@ def _named(labels: list[str], count: int) -> list[str]:
 
 def _rotated(path: Path, name: str, matrices: np.ndarray, scale: float, rate: float) -> Motion:
     """The motion of a body from matrices (4, 4, n) that carry its places into the recording."""
-    from scipy.spatial.transform import Rotation
-
     turn, position = matrices[:3, :3].transpose(2, 0, 1), scale * matrices[:3, 3].T
     whole = np.isfinite(np.sum(matrices[:3], axis=(0, 1)))
     whole &= np.linalg.det(np.where(whole[:, None, None], turn, 0.0)) > 0.5  # zeros where lost
