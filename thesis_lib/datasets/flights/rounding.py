@@ -67,11 +67,6 @@ class Kinks:
     dv: np.ndarray
     at_wall: np.ndarray
 
-    @classmethod
-    def of(cls, fits: ArcFits) -> "Kinks":
-        """Kinks between fitted arcs."""
-        return cls(fits.at, fits.t, fits.v_post - fits.v_pre, fits.at_wall)
-
 
 @dataclass(frozen=True)
 class Rounding:
