@@ -44,9 +44,8 @@ from dataclasses import dataclass, fields
 import numpy as np
 
 from thesis_lib.bodies.walls import gap_slopes, gaps, struck_wall
-from thesis_lib.datasets.flights.lines import lines_through
+from thesis_lib.datasets.flights.lines import Windows, lines_through, sides_of, windows_around
 from thesis_lib.datasets.flights.misfits import misfits
-from thesis_lib.datasets.flights.windows import Windows, sides_of, windows_around
 from thesis_lib.datasets.format.air import Air
 from thesis_lib.datasets.format.header import Header
 from thesis_lib.datasets.format.samples import ArcSettings, Samples

@@ -30,7 +30,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from thesis_lib.datasets.flights.windows import windows_around
+from thesis_lib.datasets.flights.lines import windows_around
 from thesis_lib.datasets.format.samples import Samples
 from thesis_lib.statistics.spread import robust_mean
 

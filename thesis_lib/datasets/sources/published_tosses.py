@@ -28,7 +28,6 @@ from thesis_lib.datasets.format.dataset import Dataset
 from thesis_lib.datasets.format.header import SpaceHeader
 from thesis_lib.datasets.format.table_forms import POSE_IN_SPACE
 from thesis_lib.datasets.format.write import write_dataset
-from thesis_lib.datasets.sources.motion_capture.tensors import read_tensors
 from thesis_lib.datasets.sources.tables.options import Reading
 
 EXPERIMENT = "params_processed/experiment.json"
@@ -50,6 +49,10 @@ def convert_tosses(content: Mapping[str, bytes], out_dir: Path) -> Path:
 
     UserError if the package torch is not installed.
     """
+    from thesis_lib.datasets.sources.motion_capture.tensors import (
+        read_tensors,  # a job that asks where sets are reads none
+    )
+
     header, unit, dt = _experiment(content[EXPERIMENT])
     numbers = {_number(file): file for file in content if file != EXPERIMENT}
     with tempfile.TemporaryDirectory() as folder:  # of what was checked: files may change

@@ -22,7 +22,6 @@ from thesis_lib.datasets.space.motion import Motion, quaternions
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.foundation.regular_file import MissingFile, read_bytes
 
-UP = "z"
 MAX_C3D = 200_000_000  # bytes
 PACKAGE = "ezc3d"
 BLOCK = 512  # bytes

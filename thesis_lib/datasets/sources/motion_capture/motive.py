@@ -45,7 +45,6 @@ from thesis_lib.datasets.sources.tables.several_bodies import choose_body
 from thesis_lib.datasets.space.motion import Motion, mirrored, unit
 from thesis_lib.foundation.errors import UserError
 
-UP = "y"
 BEGINS = re.compile('"*format version', re.I)  # the first line of such a file
 HEADER_ROWS = 20  # within which the line of the axes must stand
 MARKERS = ("marker", "rigid body marker")

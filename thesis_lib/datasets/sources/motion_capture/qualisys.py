@@ -23,7 +23,6 @@ from thesis_lib.datasets.sources.tables.several_bodies import choose_body
 from thesis_lib.datasets.space.motion import Motion, quaternions
 from thesis_lib.foundation.errors import UserError
 
-UP = "z"
 MM = 1e-3
 BEGINS = re.compile(r"[ \r]*(file_version|no_of_(frames|cameras|markers|bodies))\s*(\t|$)", re.I)
 MATRIX = [f"rot[{i}]" for i in range(9)]

@@ -22,7 +22,6 @@ from thesis_lib.datasets.space.motion import Motion
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.foundation.regular_file import MissingFile, regular_size
 
-UP = "z"
 SUFFIXES = (".pt", ".pth")
 PACKAGE = "torch"
 MAX_FILE, MAX_ALL, MAX_FILES = 200_000_000, 2_000_000_000, 20_000  # bytes of one, of all, and how many

@@ -39,7 +39,6 @@ from thesis_lib.datasets.sources.tables.several_bodies import choose_body
 from thesis_lib.datasets.space.motion import Motion
 from thesis_lib.foundation.errors import UserError
 
-UP = "z"
 BODIES, MARKERS = ("segments", "objects"), ("trajectories",)
 # blocks that an export may begin with
 BLOCKS = (*BODIES, *MARKERS, "model outputs", "devices", "joints", "events", "global angle")
