@@ -51,9 +51,8 @@ def air_in(samples: Samples, sigma: np.ndarray, header: Header) -> Air | None:
         return None
     lift = "k_m" if samples.q[:, 2].any() else "c_l"
     fits = {terms: _fit(pieces, terms) for drag in ("c_v", "c_q") for terms in ((drag,), (drag, lift))}
-    with_lift = min((terms for terms in fits if len(terms) == 2), key=lambda terms: fits[terms].left)
-    without = min((terms for terms in fits if len(terms) == 1), key=lambda terms: fits[terms].left)
-    for terms in (with_lift, without):
+    for count in (2, 1):  # with lift, and without
+        terms = min((terms for terms in fits if len(terms) == count), key=lambda terms: fits[terms].left)
         found = fits[terms]
         if np.all(np.abs(found.value) > CLEAR * found.std) and found.value[0] > 0.0:
             return Air(**dict(zip(terms, map(float, found.value))), scatter=found.scatter)
