@@ -11,13 +11,13 @@ from tests.datasets.in_space import UP, Take, take
 from tests.datasets.test_logs_in_space import init, same_drops
 from thesis_lib.commands.datasets import main
 from thesis_lib.datasets import find_impacts, read_dataset
+from thesis_lib.datasets.sources.conversion import View
 from thesis_lib.datasets.sources.logs import convert, convert_motions
 from thesis_lib.datasets.sources.motion_capture import c3d
 from thesis_lib.datasets.sources.motion_capture.bags import read_bag
 from thesis_lib.datasets.sources.motion_capture.c3d import read_c3d
-from thesis_lib.datasets.sources.motion_capture.optitrack import BEGINS, read_optitrack
+from thesis_lib.datasets.sources.motion_capture.motive import BEGINS_OLDER, read_optitrack
 from thesis_lib.datasets.sources.motion_capture.qualisys import read_qualisys
-from thesis_lib.datasets.sources.recorded import View
 from thesis_lib.datasets.sources.tables.options import Reading, parse_columns
 from thesis_lib.datasets.sources.tables.rig_options import RigOptions, parse_shape
 from thesis_lib.datasets.space.motion import Motion
@@ -63,7 +63,7 @@ def test_accents_and_decimal_commas_of_an_export(tmp_path, short):
 
 @pytest.mark.parametrize("first", ["frame,t,x,y,theta", "comment,t,x,y,theta", "info,t,x,y,theta"])
 def test_a_table_is_no_older_export(first):
-    assert not BEGINS.match(first)
+    assert not BEGINS_OLDER.match(first)
 
 
 @pytest.mark.parametrize(("left", "word"), [(False, "rigidbody"), (True, "trackable")])

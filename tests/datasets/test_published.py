@@ -233,18 +233,6 @@ def test_any_tosses_are_a_copy_and_the_missing_ones_are_said(three_tosses, tmp_p
     assert not (tmp_path / "out").exists()
 
 
-def test_a_body_that_is_no_box_is_refused(three_tosses, tmp_path, monkeypatch):
-    folder, _, _ = three_tosses
-    path = folder.parent / "experiment.json"
-    stated = json.loads(path.read_text())
-    stated["vertices"][0][0] *= 1.1
-    path.write_text(json.dumps(stated))
-    lines = (tmp_path / "sums.txt").read_text().splitlines()[1:]
-    (tmp_path / "sums.txt").write_text("\n".join([f"{file_sha256(path)}  contactnets_cube/{EXPERIMENT}", *lines]))
-    with pytest.raises(UserError, match="not the corners of a box"):
-        convert_published("contactnets_cube", tmp_path, tmp_path / "out")
-
-
 def test_tosses_are_unpacked_from_the_archive_of_their_repository(three_tosses, serve, tmp_path):
     folder, _, _ = three_tosses
     content = {f"tosses_processed/{i}.pt": (folder / f"{i}.pt").read_bytes() for i in (0, 1, 4)}

@@ -5,6 +5,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -89,20 +90,13 @@ def _read(folder: Path, name: str, report: ValidationReport) -> Dataset | None:
     return made and replace(made, path=folder)
 
 
-def _checked(
-    name: str, header: Header | SpaceHeader | None, raw: Mapping, load: Load, report: ValidationReport
-) -> Dataset | None:
-    """The dataset of a header and of the tables that `load` gives by name and form."""
+def _checked(name: str, header: Any, raw: Mapping, load: Load, report: ValidationReport) -> Dataset | None:
+    """The dataset of a header, of either schema or none, and of the tables that `load` gives by name and form."""
     schema, turns_unseen = schema_of(raw), is_round(raw)
     trajectories = load("trajectories", trajectory_form(schema, turns_unseen))
     impacts = load("impacts", impact_form(schema, turns_unseen))
-    if schema == 2:
-        made = _checked_in_space(
-            name, header if isinstance(header, SpaceHeader) else None, trajectories, impacts, report
-        )
-    else:
-        in_plane = header if isinstance(header, Header) else None
-        made = _checked_in_plane(name, in_plane, salvage_shape(raw), trajectories, impacts, report)
+    check = _checked_in_space if schema == 2 else partial(_checked_in_plane, shape=salvage_shape(raw))
+    made = check(name, header, trajectories, impacts, report)
     if made is not None and trajectories is not None and impacts is not None:
         what = f"these trials are not in {trajectories.file}"
         unknown = ~impacts.data["trial"].isin(trajectories.data["trial"]).to_numpy()
@@ -113,10 +107,10 @@ def _checked(
 def _checked_in_plane(
     name: str,
     header: Header | None,
-    shape: Shape | None,
     trajectories: UsableRows | None,
     impacts: UsableRows | None,
     report: ValidationReport,
+    shape: Shape | None,
 ) -> Dataset | None:
     has_angle = trajectories is None or "theta" in trajectories.data
     if header is not None:

@@ -22,11 +22,10 @@ from thesis_lib.datasets.flights.lines import NODES, side_lines
 from thesis_lib.datasets.flights.parabolas import later
 from thesis_lib.datasets.format.dataset import Dataset
 from thesis_lib.datasets.format.frames import surface_frames
-from thesis_lib.datasets.format.header import Header
+from thesis_lib.datasets.format.header import Header, unseen_spin
 from thesis_lib.datasets.format.samples import ArcSettings, Samples
 from thesis_lib.datasets.impacts.detect import FoundImpacts, find_impacts
 from thesis_lib.datasets.impacts.episodes import clearance_in_plane, find_episodes
-from thesis_lib.datasets.impacts.spin import unseen_spin
 from thesis_lib.effects.effect import ORIGIN, Effect, Reference, Rig
 from thesis_lib.mechanics.frame import Frame
 from thesis_lib.mechanics.inertia import in_world

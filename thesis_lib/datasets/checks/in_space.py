@@ -21,10 +21,9 @@ from thesis_lib.datasets.format.header import SpaceHeader
 from thesis_lib.datasets.format.samples import Samples, noise_from_differences
 from thesis_lib.datasets.format.table_forms import POSITION, QUATERNION, V_POST_IN_SPACE, V_PRE_IN_SPACE
 from thesis_lib.datasets.format.validate import UsableRows, ValidationReport
-from thesis_lib.datasets.space.falling_body import reading_that_falls
+from thesis_lib.datasets.space.falling_body import better_reading, falling, reading_that_falls
 from thesis_lib.datasets.space.flights import Track, find_flights, follow, inner_samples
 from thesis_lib.datasets.space.motion import Motion, conjugate
-from thesis_lib.datasets.space.torque_free import better_reading, falling
 from thesis_lib.statistics.spread import robust_mean
 
 FEWEST = 20  # samples that say anything of a motion
@@ -60,11 +59,6 @@ class MotionFacts:
     fall_error: float = 0.0  # m/s², standard error of the size of `fall`
     held: Mapping[int, float] = field(default_factory=dict)
     in_the_air: Mapping[int, float] = field(default_factory=dict)
-
-    @property
-    def down(self) -> np.ndarray:
-        """Direction (3,) in which bodies fall; NaN without a flight."""
-        return np.full(3, np.nan) if self.fall is None else self.fall / np.linalg.norm(self.fall)
 
 
 def motion_facts(table: pd.DataFrame, header: SpaceHeader) -> MotionFacts:
@@ -201,12 +195,12 @@ def check_motion(table: UsableRows, header: SpaceHeader) -> None:
     noise = noise_from_differences(Samples(trial, t, position, runs_of(trial, t)))
     if found := unlike_column(noise, position, header.body.solid.extent):
         return table.error(f"column {POSITION[found[0]]}", found[1], ONE_UNIT)
-    g = np.array(header.gravity)
-    facts = motion_facts(table.data, header)
+    g, facts = np.array(header.gravity), motion_facts(table.data, header)
+    down = facts.fall if facts.fall is None else facts.fall / np.linalg.norm(facts.fall)
     if g.any() and not facts.flights:
         _nothing_falls(table, header)
-    elif g.any() and (off := np.arccos(np.clip(facts.down @ g / np.linalg.norm(g), -1.0, 1.0))) > OBLIQUE:
-        shown = ", ".join(f"{value:.3f}" for value in facts.down * np.linalg.norm(g))
+    elif g.any() and (off := np.arccos(np.clip(down @ g / np.linalg.norm(g), -1.0, 1.0))) > OBLIQUE:
+        shown = ", ".join(f"{value:.3f}" for value in down * np.linalg.norm(g))
         what = f"{facts.flights} free flights fall {np.degrees(off):.1f}° off the stated gravity"
         table.report.warn(
             FILE, "gravity", what, f"if the axes of the recording are not level, write gravity: [{shown}]"
@@ -235,16 +229,16 @@ def _check_repeated(table: UsableRows) -> None:
     If a share r of N rows repeats another one, some N r^(m − 1) values stand in m rows by chance.
     """
     for axis in POSITION:
-        values, which, count = np.unique(table.data[axis].to_numpy(), return_inverse=True, return_counts=True)
-        share = float(np.mean(count[which] > 1))
+        values = table.data[axis]
+        share = float(values.duplicated(keep=False).mean())
         if share > REPEATED:
             continue  # written with few digits, or without noise
-        trials = [len(np.unique(table.data["trial"].to_numpy()[which == one])) for one in np.flatnonzero(count > 2)]
-        if trials and max(trials) > 2 and len(which) * share ** (max(trials) - 1) < BY_CHANCE:
-            value = values[np.flatnonzero(count > 2)[int(np.argmax(trials))]]
-            what = f"{value:.9g} stands in {max(trials)} trials, to the last digit: it was set, and not measured"
+        trials = table.data.groupby(axis)["trial"].nunique()
+        if trials.max() > 2 and len(values) * share ** (trials.max() - 1) < BY_CHANCE:
+            value = trials.idxmax()
+            what = f"{value:.9g} stands in {trials.max()} trials, to the last digit: it was set, and not measured"
             remedy = "remove such rows: a rest in them is what somebody believed"
-            table.warn(f"column {axis}", what, remedy, table.data[axis].to_numpy() == value)
+            table.warn(f"column {axis}", what, remedy, (values == value).to_numpy())
 
 
 def _check_fall(table: UsableRows, header: SpaceHeader, facts: MotionFacts, step: float) -> None:

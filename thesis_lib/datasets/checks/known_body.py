@@ -101,19 +101,18 @@ def unlike_column(noise: np.ndarray, position: np.ndarray, extent: float) -> tup
     return None
 
 
+def _scatter(values: np.ndarray) -> float:
+    return float(np.median(np.abs(values - np.median(values))))
+
+
 def radians_as_degrees(shape: Shape, q: np.ndarray) -> str:
     """How poses q (n, 3) at impact, in m and rad, show that radians were read as degrees; "" if they do not.
 
     The heights of the centre then follow the shape at angles 180/π times as large.
     """
-
-    def scatter(theta: np.ndarray) -> float:
-        gap = q[:, 1] + shape.contact_point(theta)[:, 1]
-        return float(np.median(np.abs(gap - np.median(gap))))
-
     if len(q) < FEW_HITS:
         return ""
-    as_given, as_radians = scatter(q[:, 2]), scatter(q[:, 2] / TO_RAD)
+    as_given, as_radians = (_scatter(q[:, 1] + shape.contact_point(q[:, 2] / by)[:, 1]) for by in (1.0, TO_RAD))
     if as_given <= FITS_BETTER * as_radians:
         return ""
     return (
@@ -140,14 +139,10 @@ def contradictions(shape: Shape, height: float, q: np.ndarray) -> list[Problem]:
         steep = abs(line.angle) > STEEP
         return [Problem(FILE, "surface", line.said().rstrip("."), line.remedy())] if steep else []
     offset = float(np.median(centre - reach))
-
-    def scatter(rest: np.ndarray) -> float:
-        return float(np.median(np.abs(rest - np.median(rest))))
-
     what = f"at {len(q)} impacts the centre is {ratio:.3g} times as high above the surface as the shape says"
     closes = f"surface.height {height + offset:.4g} m instead of {height:g} m would close the gap of {offset:+.3g} m"
     round_body = np.ptp(reach) < BLIND_SHAPE * shape.extent
-    if ratio > 0.0 and (round_body or scatter(centre - ratio * reach) < scatter(centre - reach)):
+    if ratio > 0.0 and (round_body or _scatter(centre - ratio * reach) < _scatter(centre - reach)):
         times = 1.0 / ratio
         why = next((f" ({text})" for factor, text in FACTORS.items() if abs(times / factor - 1.0) < NEAR), "")
         what += f": the shape is {max(times, ratio):.3g} times too {'large' if times > 1 else 'small'}{why}"

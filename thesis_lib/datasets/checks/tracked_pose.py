@@ -1,19 +1,18 @@
 """The one place where `tracked: unknown` is settled: the pose of the tracked frame is what the tosses say of it."""
 
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
+from scipy.spatial.transform import Rotation
 
 from thesis_lib.bodies.solid_body import FlatSurface, Tracked
+from thesis_lib.bodies.symmetry import Symmetry
 from thesis_lib.datasets.checks.in_space import one_clock
 from thesis_lib.datasets.format.dataset import Dataset
 from thesis_lib.datasets.format.table_forms import QUATERNION
+from thesis_lib.datasets.space.tracked_frame import TrackedFrame, find_tracked_frame
 from thesis_lib.foundation.errors import UserError
-
-if TYPE_CHECKING:
-    from thesis_lib.datasets.space.tracked_frame import TrackedFrame
 
 ELSEWHERE = (0.1, 0.2)  # extents of the body, and rad, from which on a stated frame is not the one that is found
 SURE = 4.0  # sigmas of what is found
@@ -59,10 +58,6 @@ def tracked_frame_told(dataset: Dataset, compare: bool) -> str | None:
     left = "".join(f"; open: {sentence}" for sentence in found.open)
     if stated is None:
         return found.text + left
-    from scipy.spatial.transform import Rotation
-
-    from thesis_lib.bodies.symmetry import Symmetry
-
     one, other = (Rotation.from_quat(pose.attitude, scalar_first=True).as_matrix() for pose in (stated, found.tracked))
     near = Symmetry(body.solid, body.inertia_per_mass).nearest(one, other)
     place = float(np.linalg.norm(near @ one.T @ np.array(stated.position) - np.array(found.tracked.position)))
@@ -77,13 +72,11 @@ def tracked_frame_told(dataset: Dataset, compare: bool) -> str | None:
     return f"tracked frame as stated, by {found.hits} hits and {found.rests} rests{left}"
 
 
-def _found(dataset: Dataset) -> "TrackedFrame":
+def _found(dataset: Dataset) -> TrackedFrame:
     """Tracked frame from the tosses; UserError where they do not show it."""
     table = dataset.trajectories
     if table is None or not dataset.has_angle:
         raise UserError("it is found from trajectories with orientation only; give the pose.")
-    from thesis_lib.datasets.space.tracked_frame import find_tracked_frame  # its search imports much of scipy
-
     whole = pd.DataFrame(table[np.isfinite(table["qw"].to_numpy(float))])
     trial, t, position = one_clock(whole)
     q = whole[list(QUATERNION)].to_numpy(float)

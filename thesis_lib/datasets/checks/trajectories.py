@@ -82,22 +82,20 @@ def check_header(header: Header, report: ValidationReport) -> None:
 
 def check_trajectories(table: UsableRows, body: KnownBody) -> None:
     """Report wrong directions and units of poses; angles between walls are not judged."""
-    data = table.data
-    trial = data["trial"].to_numpy()
-    t, x, y, theta = (data[name].to_numpy(float) for name in ("t", "x", "y", "theta"))
+    data, names = table.data, ["x", "y", "theta"]
+    trial, t, q = data["trial"].to_numpy(), data["t"].to_numpy(float), data[names].to_numpy(float)
     dt = np.diff(t)
     usable = (trial[1:] == trial[:-1]) & (dt > 0.0)
     if not usable.any():
         return
-    poses = {"x": x, "y": y, "theta": theta}
-    speeds = {name: np.abs(np.diff(values))[usable] / dt[usable] for name, values in poses.items()}
-    samples = Samples(trial, t, np.column_stack([x, y, theta]), runs_of(trial, t))
+    speeds = {name: np.abs(np.diff(values))[usable] / dt[usable] for name, values in zip(names, q.T)}
+    samples = Samples(trial, t, q, runs_of(trial, t))
     noise = noise_from_differences(samples)
     if body.gravity == 0.0:
         return _check_on_a_table(table, samples, speeds, noise, body)
-    fall = _first_acceleration(trial, y, float(np.median(dt[usable]))) / -body.gravity
+    fall = _first_acceleration(trial, q[:, 1], float(np.median(dt[usable]))) / -body.gravity
     doubtful = _check_direction(table, samples, noise, body)
-    doubtful |= _check_lengths(table, x, y, speeds, body, fall)
+    doubtful |= _check_lengths(table, q, speeds, body, fall)
     doubtful = doubtful or _check_columns(table, samples, noise, body)
     if not doubtful and body.gravity <= LARGEST_GRAVITY:
         doubtful = _check_gravity(table, samples, noise, body)
@@ -158,12 +156,12 @@ def _check_direction(table: UsableRows, samples: Samples, noise: np.ndarray, bod
     return bool(what)
 
 
-def _check_lengths(table: UsableRows, x: np.ndarray, y: np.ndarray, speeds: dict, body: KnownBody, fall: float) -> bool:
+def _check_lengths(table: UsableRows, q: np.ndarray, speeds: dict, body: KnownBody, fall: float) -> bool:
     """Report x or y in millimetres or centimetres; whether there is doubt.  `fall` is ÿ at release over −gravity."""
     doubts = {}
     high = 0.0
     if body.shape is not None and not body.oversized:
-        high = float(np.quantile(np.abs(y - body.height), 0.1)) / body.shape.extent
+        high = float(np.quantile(np.abs(q[:, 1] - body.height), 0.1)) / body.shape.extent
     for name in ("x", "y"):
         fast = float(np.quantile(speeds[name], 0.9))
         if fast > LARGEST_SPEED:
@@ -173,7 +171,7 @@ def _check_lengths(table: UsableRows, x: np.ndarray, y: np.ndarray, speeds: dict
         elif name == "y" and high > 3.0 and (50.0 < abs(fall) < 200.0 or 500.0 < abs(fall) < 2000.0):
             doubts[name] = f"bodies fall at {abs(fall):.0f} times gravity"
     for name, why in doubts.items():
-        values = x if name == "x" else y
+        values = q[:, "xy".index(name)]
         what = f"looks like millimetres or centimetres ({values.min():.4g} to {values.max():.4g}; {why})"
         table.error(f"column {name}", what, METRES)
     return bool(doubts)

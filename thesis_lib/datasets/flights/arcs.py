@@ -44,9 +44,8 @@ from dataclasses import dataclass, fields
 import numpy as np
 
 from thesis_lib.bodies.walls import gap_slopes, gaps, struck_wall
-from thesis_lib.datasets.flights.lines import lines_through
+from thesis_lib.datasets.flights.lines import Windows, lines_through, sides_of, windows_around
 from thesis_lib.datasets.flights.misfits import misfits
-from thesis_lib.datasets.flights.windows import Windows, sides_of, windows_around
 from thesis_lib.datasets.format.air import Air
 from thesis_lib.datasets.format.header import Header
 from thesis_lib.datasets.format.samples import ArcSettings, Samples
@@ -170,7 +169,11 @@ def fit_arcs(
         if iteration <= _SETTLE:
             side = sides_of(windows, p[:, _T], settings, size)
         if iteration == 0:
-            _start_from_lines(p, side, tau, windows.q, g)
+            # from lines through the samples of each side, gravity removed
+            flight = windows.q.copy()
+            flight[..., 1] += 0.5 * g * tau**2
+            lines = lines_through(side, tau, flight)
+            p[:, _Q], p[:, _PRE], p[:, _POST] = lines.value.mean(1), lines.slope[:, 0], lines.slope[:, 1]
             at_wall = _reaches_a_wall(p, windows, header)
         # d of equation 2, per unit of u
         offset = spread * np.linalg.norm((p[:, _POST] - p[:, _PRE]) * metric, axis=1)[:, None] / metric
@@ -227,15 +230,6 @@ def bends(chi2: np.ndarray, count: np.ndarray, limit: float) -> np.ndarray:
 def _parabolas(p: np.ndarray, tau: np.ndarray, q: np.ndarray, air: Air | None, gravity: float) -> np.ndarray:
     """Poses q (n, W, 3) less what the air has made of them since the impact, at the velocities in p."""
     return q if air is None else q - air.beyond(tau, p[:, _PRE], p[:, _POST], gravity)
-
-
-def _start_from_lines(p: np.ndarray, side: np.ndarray, tau: np.ndarray, q: np.ndarray, gravity: float) -> None:
-    """Set q_c, v−, v+ in p from lines through the samples of each side, gravity removed."""
-    flight = q.copy()
-    flight[..., 1] += 0.5 * gravity * tau**2
-    lines = lines_through(side, tau, flight)
-    p[:, _Q] = lines.value.mean(1)
-    p[:, _PRE], p[:, _POST] = lines.slope[:, 0], lines.slope[:, 1]
 
 
 def _reaches_a_wall(p: np.ndarray, windows: Windows, header: Header) -> np.ndarray:

@@ -22,6 +22,7 @@ takes flights longer than an arc to see it.  Below the lowest k the spectrum is 
 import numpy as np
 from scipy.fft import idct
 from scipy.linalg import toeplitz
+from scipy.optimize import nnls
 
 from thesis_lib.datasets.format.samples import Samples, is_uneven
 
@@ -119,8 +120,6 @@ def _correlations(size: int) -> np.ndarray:
 
 def _weights(expected: np.ndarray, power: np.ndarray, weight: np.ndarray) -> np.ndarray:
     """w ≥ 0 (cutoffs,) with `expected` (k, cutoffs) @ w near `power` (k,); `weight` (k,) is on the relative errors."""
-    from scipy.optimize import nnls
-
     scale = np.maximum(power, _LEAST * power.max() + 1e-300)
     w = np.zeros(expected.shape[1])
     for _ in range(_ROUNDS):

@@ -46,15 +46,13 @@ def air_in(samples: Samples, sigma: np.ndarray, header: Header) -> Air | None:
     """
     if header.gravity == 0.0 or header.surfaces is not None or not len(samples):
         return None
-    found = [pieces for size in SIZES if len((pieces := _pieces(samples, sigma, header.gravity, size)).v) >= FEWEST]
-    if not found:
+    pieces = _best_pieces(samples, sigma, header.gravity, 2)
+    if pieces is None:
         return None
-    pieces = max(found, key=lambda one: len(one.v) / float(np.mean(one.noise**2)))
     lift = "k_m" if samples.q[:, 2].any() else "c_l"
     fits = {terms: _fit(pieces, terms) for drag in ("c_v", "c_q") for terms in ((drag,), (drag, lift))}
-    with_lift = min((terms for terms in fits if len(terms) == 2), key=lambda terms: fits[terms].left)
-    without = min((terms for terms in fits if len(terms) == 1), key=lambda terms: fits[terms].left)
-    for terms in (with_lift, without):
+    for count in (2, 1):  # with lift, and without
+        terms = min((terms for terms in fits if len(terms) == count), key=lambda terms: fits[terms].left)
         found = fits[terms]
         if np.all(np.abs(found.value) > CLEAR * found.std) and found.value[0] > 0.0:
             return Air(**dict(zip(terms, map(float, found.value))), scatter=found.scatter)
@@ -68,11 +66,9 @@ def drag_in_space(samples: Samples, sigma: float, gravity: float) -> AirInSpace 
     """
     if gravity == 0.0 or not len(samples):
         return None
-    noise = np.full(3, sigma)
-    found = [one for size in SIZES if len((one := _pieces(samples, noise, gravity, size, 3)).v) >= FEWEST]
-    if not found:
+    pieces = _best_pieces(samples, np.full(3, sigma), gravity, 3)
+    if pieces is None:
         return None
-    pieces = max(found, key=lambda one: len(one.v) / float(np.mean(one.noise**2)))
     fits = {term: _fit(pieces, (term,), AirInSpace) for term in ("c_v", "c_q")}
     term = min(fits, key=lambda term: fits[term].left)
     (value,), (std,) = fits[term].value, fits[term].std
@@ -120,7 +116,13 @@ def air_sentence(air: Air) -> str:
     )
 
 
-def _pieces(samples: Samples, sigma: np.ndarray, gravity: float, size: int, lengths: int = 2) -> _Pieces:
+def _best_pieces(samples: Samples, sigma: np.ndarray, gravity: float, lengths: int) -> _Pieces | None:
+    """The pieces of the size that is most precise; None if there are few of any."""
+    found = [one for size in SIZES if len((one := _pieces(samples, sigma, gravity, size, lengths)).v) >= FEWEST]
+    return max(found, key=lambda one: len(one.v) / float(np.mean(one.noise**2)), default=None)
+
+
+def _pieces(samples: Samples, sigma: np.ndarray, gravity: float, size: int, lengths: int) -> _Pieces:
     first = np.arange(0, len(samples) - size + 1, size // 2)
     first = first[samples.run[first] == samples.run[first + size - 1]]
     index = first[:, None] + np.arange(size)

@@ -30,8 +30,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from thesis_lib.datasets.flights.arcs import ArcFits
-from thesis_lib.datasets.flights.windows import windows_around
+from thesis_lib.datasets.flights.lines import windows_around
 from thesis_lib.datasets.format.samples import Samples
 from thesis_lib.statistics.spread import robust_mean
 
@@ -88,12 +87,6 @@ class Corners:
     v_pre: np.ndarray
     v_post: np.ndarray
     long: np.ndarray
-
-    @classmethod
-    def of(cls, fits: ArcFits) -> "Corners":
-        """Corners between fitted arcs."""
-        long = (fits.n_side >= ARC).all(1) & fits.converged
-        return cls(fits.at, fits.t, fits.q, fits.v_pre, fits.v_post, long)
 
 
 def low_pass_of(

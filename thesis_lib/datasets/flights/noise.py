@@ -99,7 +99,10 @@ def noise_from_arcs(fits: ArcFits, rough: np.ndarray, stated: np.ndarray, on_tab
             break
         source = "arcs"
     if source == "arcs":
-        stated = np.where(_contradicted(sigma, stated, colour), np.nan, stated)
+        # larger scatter that is not white may be a motion that no arc describes; it must not pass for noise
+        scatter = np.fmax(sigma, SIGMA_FLOOR)
+        far = (scatter * CONTRADICTED < stated) | ((scatter > CONTRADICTED * stated) & (colour == 1.0))
+        stated = np.where(far, np.nan, stated)
     used = np.fmax(np.where(np.isnan(stated), sigma, stated), SIGMA_FLOOR)
     position = float(np.sqrt(np.mean(sigma[:2] ** 2)))
     stray = _stray_acceleration(fits, sigma, colour, on_table)
@@ -168,13 +171,6 @@ def _colour_of_flights(
         return np.ones(3), 0
     white = sigma**2 * 12.0 / (n * (n**2 - 1.0))
     return np.maximum(slope_variance(flights, n) / white, 1.0), len(flights[0])
-
-
-def _contradicted(sigma: np.ndarray, stated: np.ndarray, colour: np.ndarray) -> np.ndarray:
-    """Mask (3,) of stated noise that is far from the scatter about the arcs."""
-    sigma = np.fmax(sigma, SIGMA_FLOOR)
-    # larger scatter that is not white may be a motion that no arc describes; it must not pass for noise
-    return (sigma * CONTRADICTED < stated) | ((sigma > CONTRADICTED * stated) & (colour == 1.0))
 
 
 def _stray_acceleration(fits: ArcFits, sigma: np.ndarray, colour: np.ndarray, on_table: bool) -> np.ndarray:

@@ -125,25 +125,27 @@ def parabolas(
     powers = [totals(tau**k)[rows] for k in range(5)]
     half = np.array([1.0, 1.0, 0.5])
     normal = np.array([[half[i] * half[j] * powers[i + j] for j in range(3)] for i in range(3)])
-    right = np.array([[totals(B[:, k] * q[:, c])[rows] for c in range(3)] for k in range(3)])
     inverse = np.linalg.inv(np.moveaxis(normal, -1, 0))
-    fitted = inverse @ np.moveaxis(right, -1, 0)  # (flights, [q_0, v, a], channel)
+
+    def through(path: np.ndarray) -> np.ndarray:  # (flights, [q_0, v, a], channel)
+        right = np.array([[totals(B[:, k] * path[:, c])[rows] for c in range(3)] for k in range(3)])
+        return inverse @ np.moveaxis(right, -1, 0)
 
     number = np.full(len(count), -1)
     number[rows] = np.arange(len(rows))
     inside = number[flight] >= 0
     i = number[flight[inside]]
 
-    def are_straight(path: np.ndarray, parabolas: np.ndarray) -> np.ndarray:
-        residual = path[inside] - np.einsum("nk,nkc->nc", B[inside], parabolas[i])
+    def are_straight(path: np.ndarray, fitted: np.ndarray) -> np.ndarray:
+        residual = path[inside] - np.einsum("nk,nkc->nc", B[inside], fitted[i])
         squares = np.stack([np.bincount(i, residual[:, c] ** 2, len(rows)) for c in range(3)], axis=1) / variance
         return squares.sum(axis=1) / (3.0 * (count[rows] - 3.0)) < MAX_CHI2
 
+    fitted = through(q)
     straight = are_straight(q, fitted)
     if air is not None and len(rows) and straight.mean() < MOST:
         free = replace(samples, air=air).without_air()
-        right = np.array([[totals(B[:, k] * free[:, c])[rows] for c in range(3)] for k in range(3)])
-        straight = are_straight(free, inverse @ np.moveaxis(right, -1, 0))
+        straight = are_straight(free, through(free))
     bent, rows, fitted, inverse = rows[~straight], rows[straight], fitted[straight], inverse[straight]
     span = t[first[rows] + count[rows] - 1] - t[first[rows]]
     unit = inverse[:, 2, 2][:, None]

@@ -2,7 +2,7 @@
 
 Flights bend at an impact.  A filter that smooths the samples rounds that corner, and so do a contact that lasts
 several samples and a body that vibrates after it.  Samples in the rounding belong to neither flight, so the guard
-(`windows`) must cover them.
+(`lines`) must cover them.
 
 A parabola is fitted to the samples of each side beyond a reach R.  Let e be the deviation from it of samples nearer to
 the impact, over the noise, averaged over those whose |τ| lies between two `EDGES`.  Rounding moves samples along Δv
@@ -29,8 +29,8 @@ import numpy as np
 from scipy.stats import chi2, theilslopes
 
 from thesis_lib.datasets.flights.arcs import ArcFits
+from thesis_lib.datasets.flights.lines import sides_of, windows_around
 from thesis_lib.datasets.flights.low_pass import LowPass
-from thesis_lib.datasets.flights.windows import sides_of, windows_around
 from thesis_lib.datasets.format.header import Header
 from thesis_lib.datasets.format.samples import ArcSettings, Samples
 from thesis_lib.foundation.errors import UserError
@@ -66,11 +66,6 @@ class Kinks:
     t: np.ndarray
     dv: np.ndarray
     at_wall: np.ndarray
-
-    @classmethod
-    def of(cls, fits: ArcFits) -> "Kinks":
-        """Kinks between fitted arcs."""
-        return cls(fits.at, fits.t, fits.v_post - fits.v_pre, fits.at_wall)
 
 
 @dataclass(frozen=True)

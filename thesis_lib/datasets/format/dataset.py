@@ -4,7 +4,7 @@ import hashlib
 import json
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -13,11 +13,9 @@ from thesis_lib.bodies.mesh import Mesh
 from thesis_lib.bodies.shapes import Shape
 from thesis_lib.datasets.format.header import Header, SpaceHeader
 from thesis_lib.datasets.format.impacts import Impacts
+from thesis_lib.datasets.format.validate import Problem
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.mechanics.space import PLANE, SPACE, Space
-
-if TYPE_CHECKING:
-    from thesis_lib.datasets.format.validate import Problem
 
 # what is said about the data is none of them: it changes no split and no seed
 _NOT_DATA = {"description": True, "body": {"homogeneous", "uncertainty"}}
@@ -36,7 +34,7 @@ class Dataset:
     trajectories: pd.DataFrame | None = None
     impacts: pd.DataFrame | None = None  # at least `IMPACT_COLUMNS` (m, rad, m/s, rad/s)
     path: Path | None = None  # the folder it was read from
-    warnings: tuple["Problem", ...] = ()  # what is suspicious but not wrong
+    warnings: tuple[Problem, ...] = ()  # what is suspicious but not wrong
     has_angle: bool = True  # False: trajectories.csv has no theta, which is 0 in `trajectories`; NaN in space
 
     @property

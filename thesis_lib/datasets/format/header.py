@@ -12,6 +12,7 @@ from thesis_lib.bodies.walls import MOST, Wall
 from thesis_lib.foundation.settings import Section
 
 UNKNOWN = "unknown"  # pose of the tracked frame in the body
+RIM = 0.5  # rim speed over speed before an impact, one sigma, where nobody sees or states the spin
 NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
 
 
@@ -91,6 +92,19 @@ class SpaceHeader(Section):
         against: Vector = (-self.gravity[0], -self.gravity[1], -self.gravity[2])
         of = self.surfaces or (self.surface,)
         return [(np.array(one.point), direction(one.normal or against)) for one in of]
+
+
+def unseen_spin(speed: np.ndarray, header: Header | SpaceHeader) -> float:
+    """One sigma in rad/s of each component of the spin before impacts at speeds (n,) in m/s, where no angle is seen.
+
+    Friction at an impact gives a disk that slides without spin at most 2/3 of its tangential velocity as rim speed; a
+    hand gives as much.  So unless dataset.yaml states `spin`, the rim speed before an impact is taken as 0 ± `RIM`
+    times the median speed.
+    """
+    if header.spin is not None:
+        return header.spin
+    shape = header.body.shape if isinstance(header, Header) else header.body.solid
+    return RIM * float(np.median(speed)) / shape.extent if len(speed) else 1.0
 
 
 def _require_distinct(header: Any, one: str) -> None:

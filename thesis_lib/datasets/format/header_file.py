@@ -101,17 +101,18 @@ def validated(
 
 def salvage_shape(raw: Mapping) -> Shape | None:
     """The shape from a header that is wrong elsewhere, so that lengths can still be judged."""
-    body = raw.get("body")
-    if not isinstance(body, Mapping):
-        return None
     try:
-        return TypeAdapter(Shape).validate_python(body.get("shape"))
+        return TypeAdapter(Shape).validate_python(_shape_in(raw))
     except ValidationError:
         return None
 
 
 def is_round(raw: Mapping) -> bool:
     """Whether the shape is a disk or a sphere, whose turning moves no contact point."""
-    body = raw.get("body")
-    shape = body.get("shape") if isinstance(body, Mapping) else None
+    shape = _shape_in(raw)
     return isinstance(shape, Mapping) and shape.get("kind") == ("sphere" if schema_of(raw) == 2 else "disk")
+
+
+def _shape_in(raw: Mapping) -> object:
+    body = raw.get("body")
+    return body.get("shape") if isinstance(body, Mapping) else None

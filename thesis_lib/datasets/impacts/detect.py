@@ -7,7 +7,6 @@ measured are left out with a reason; the others carry a covariance.
 """
 
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
@@ -17,7 +16,7 @@ from thesis_lib.datasets.checks.known_body import ALREADY_RADIANS, contradiction
 from thesis_lib.datasets.checks.lasting_contacts import LastingContacts, lasting_contacts
 from thesis_lib.datasets.flights.arcs import ArcFits, fit_arcs
 from thesis_lib.datasets.flights.drag import air_in, air_sentence, breaks_lines, window_in
-from thesis_lib.datasets.flights.low_pass import Corners, low_pass_of
+from thesis_lib.datasets.flights.low_pass import ARC, Corners, low_pass_of
 from thesis_lib.datasets.flights.noise import (
     SIGMA_FLOOR,
     NoiseEstimate,
@@ -39,7 +38,8 @@ from thesis_lib.datasets.flights.rounding import (
     sunk_and_speed,
     touch_time,
 )
-from thesis_lib.datasets.format.header import Header
+from thesis_lib.datasets.format.dataset import Dataset
+from thesis_lib.datasets.format.header import RIM, Header, unseen_spin
 from thesis_lib.datasets.format.impacts import Impacts
 from thesis_lib.datasets.format.samples import ArcSettings, Samples, make_samples, noise_from_differences
 from thesis_lib.datasets.format.validate import DatasetError, Problem
@@ -48,15 +48,11 @@ from thesis_lib.datasets.impacts.energy import contact_step, energy_gain, gain_s
 from thesis_lib.datasets.impacts.found import ARC_COLUMNS, LEFT_OUT_COLUMNS, FoundImpacts, arc_table, ordinals
 from thesis_lib.datasets.impacts.quality import assess_arcs, contact_measures, flag_physics, has_flag_text
 from thesis_lib.datasets.impacts.spikes import detect, find_glitches
-from thesis_lib.datasets.impacts.spin import spin_sentence
 from thesis_lib.datasets.impacts.stays_down import landing_speeds, stays_down
 from thesis_lib.datasets.samples.copies import without_copies
 from thesis_lib.datasets.samples.pieces import cut_into_pieces, without_rests
 from thesis_lib.datasets.samples.stamps import exposure_times
 from thesis_lib.foundation.errors import UserError
-
-if TYPE_CHECKING:
-    from thesis_lib.datasets.format.dataset import Dataset
 
 _NOISIER = 1.3  # ratio of noise in the arcs to noise assumed that calls for a second detection
 _STANDING_OUT = 0.9  # share of the hits that are left with coloured noise; fewer call for a second detection
@@ -68,7 +64,7 @@ _DISPLACED = 0.1  # sampling intervals; samples then change sides
 _Found = tuple[Samples, np.ndarray, ArcFits, NoiseEstimate, np.ndarray, np.ndarray]
 
 
-def find_impacts(dataset: "Dataset", settings: ArcSettings | None = None) -> FoundImpacts:
+def find_impacts(dataset: Dataset, settings: ArcSettings | None = None) -> FoundImpacts:
     """Impacts of a dataset; `settings` are `ArcSettings()` if None.
 
     Impacts in impacts.csv are taken as they are, even beside trajectories: our fits should not replace impacts measured
@@ -85,7 +81,15 @@ def find_impacts(dataset: "Dataset", settings: ArcSettings | None = None) -> Fou
     trial, t, q = (table[names].to_numpy() for names in ("trial", "t", ["x", "y", "theta"]))
     detected = find_in_arrays(trial, t, q, header, settings)
     if not dataset.has_angle:
-        detected = replace(detected, warnings=(*detected.warnings, spin_sentence(detected.impacts, header)))
+        sigma = unseen_spin(np.hypot(*detected.impacts.v_pre[:, :2].T), header)
+        whence = (
+            "as dataset.yaml states" if header.spin is not None else f"a rim speed of {RIM:g} times the median speed"
+        )
+        said = (
+            f"theta is not measured: the spin before each impact is unknown and taken as 0 ± {sigma:.3g} rad/s "
+            f"({whence}); effects that show in the angle or the spin alone cannot be tested."
+        )
+        detected = replace(detected, warnings=(*detected.warnings, said))
     # soft contacts and those of a simulation's step are not where the body touches
     touches = detected.soft is None and not detected.step
     shape, poses = header.body.shape, detected.impacts.q
@@ -144,16 +148,17 @@ def find_in_arrays(
     lands = np.isfinite(landing_speeds(samples, at, noise.used, header, settings)).sum() > _MOST * len(at)
     if not (step or lands) and (on_table or noise.stray[0] < _SIDEWAYS * header.gravity):
         sides = "both" if on_table else "either"
-        rounded = guard_of(Kinks.of(fits), samples, np.fmax(noise.sigma, SIGMA_FLOOR), settings, sides)
+        kinks = Kinks(fits.at, fits.t, fits.v_post - fits.v_pre, fits.at_wall)
+        rounded = guard_of(kinks, samples, np.fmax(noise.sigma, SIGMA_FLOOR), settings, sides)
     low_pass, lasting = None, 0.0
     if (guard := max(rounded, contact_guard(*sunk_and_speed(on_floors(fits, header), header)))) > usual:
         settings = settings.model_copy(update={"guard": guard})
         samples, at, fits, noise, glitch, sigma = search(settings, least)
     if rounded > usual:
         lasting, known = touch_time(on_floors(fits, header), header), np.fmax(noise.sigma, SIGMA_FLOOR)
-        low_pass = low_pass_of(
-            Corners.of(fits), samples, known, header.gravity, guard, sampling_interval(samples), lasting
-        )
+        long = (fits.n_side >= ARC).all(1) & fits.converged
+        corners = Corners(fits.at, fits.t, fits.q, fits.v_pre, fits.v_post, long)
+        low_pass = low_pass_of(corners, samples, known, header.gravity, guard, sampling_interval(samples), lasting)
         if low_pass is not None and low_pass.moves_parabolas:
             # the filter lowered all free fall alike
             lowered = 0.5 * header.gravity * low_pass.second_moment
@@ -338,13 +343,6 @@ def _reported_glitches(samples: Samples, glitch: np.ndarray) -> pd.DataFrame:
     return pd.DataFrame({"trial": samples.trial[glitch & inside], "t": samples.t[glitch & inside]})
 
 
-def _impossible(given: Impacts) -> np.ndarray:
-    """Mask (n,) of impacts whose energy gain no noise, law or moving surface explains: they are not measurements."""
-    before, after = (np.linalg.norm(v * [1.0, 1.0, given.k_g], axis=1) for v in (given.v_pre, given.v_post))
-    typical = float(np.median(before)) if len(before) else 0.0
-    return after > _FASTEST * np.maximum(before, typical)
-
-
 def _from_given(given: Impacts, header: Header, settings: ArcSettings) -> FoundImpacts:
     noise, sigma = header.noise, header.stated_sigma
     speeds = (None, None) if noise is None else (noise.velocity, noise.angular_velocity)
@@ -352,7 +350,9 @@ def _from_given(given: Impacts, header: Header, settings: ArcSettings) -> FoundI
         velocity = [speeds[0], speeds[0], speeds[1]]
         diagonal = np.diag(np.array([*sigma, *velocity, *velocity], float) ** 2)
         given = replace(given, cov=np.tile(diagonal, (len(given), 1, 1)))
-    wild = _impossible(given)
+    # an energy gain that no noise, law or moving surface explains is not measured
+    before, after = (np.linalg.norm(v * [1.0, 1.0, given.k_g], axis=1) for v in (given.v_pre, given.v_post))
+    wild = after > _FASTEST * np.maximum(before, np.median(before))
     reasons = np.full(int(wild.sum()), "energy_gain", object)
     details = np.full(len(reasons), f"leaves more than {_FASTEST:g} times as fast as it came", object)
     left_out = (given.trial[wild], given.impact[wild], given.t[wild], reasons, details)

@@ -10,8 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from thesis_lib.datasets.flights.lines import lines_through, rank
-from thesis_lib.datasets.flights.windows import windows_around
+from thesis_lib.datasets.flights.lines import lines_through, rank, windows_around
 from thesis_lib.datasets.format.header import Header
 from thesis_lib.datasets.format.samples import ArcSettings, Samples
 

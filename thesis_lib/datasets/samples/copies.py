@@ -31,7 +31,9 @@ def originals(samples: Samples) -> tuple[np.ndarray, str]:
     n = len(samples)
     if n < 3:
         return np.ones(n, bool), ""
-    q, digit = samples.q, np.array([_digit(column) for column in samples.q.T])
+    q = samples.q
+    # the least difference between two values that occur; a constant column never moves by any
+    digit = np.array([np.diff(np.unique(column)).min(initial=np.inf) for column in q.T])
     same_trial = samples.trial[1:] == samples.trial[:-1]
     equal = same_trial & (q[1:] == q[:-1]).all(axis=1)
     # groups of equal rows: first and last row of each
@@ -59,9 +61,3 @@ def originals(samples: Samples) -> tuple[np.ndarray, str]:
         f"digit for digit, as in video converted to a higher rate ({rate:.3g} pictures a second made of "
         f"{rate * (1.0 - share):.3g}): the copies are left out as lost frames. Export the pictures as they were taken."
     )
-
-
-def _digit(values: np.ndarray) -> float:
-    """The least difference between two values (n,) that occur; 0 of a constant."""
-    apart = np.diff(np.unique(values))
-    return float(apart.min()) if len(apart) else 0.0

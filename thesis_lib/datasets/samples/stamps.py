@@ -21,8 +21,6 @@ before it, is left out.
 | δ        | `late`    | s    | (N,)  | of arrival, less its least value in a trial |
 """
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from thesis_lib.datasets.format.header import Header
@@ -40,15 +38,6 @@ SPAN = 16  # steps from which the period is guessed where no rate is stated
 FEW_TRIALS = 5  # whose median period and spread say something
 WHOLE = 0.9  # periods by which a row must be late to stand behind a lost picture
 SURELY = 4.0  # standard errors by which the period must be off the stated one to be taken instead
-
-
-@dataclass(frozen=True)
-class CameraClock:
-    """Pictures of a clock behind the rows: lateness of each row in s, whether its number is sure, and period in s."""
-
-    late: np.ndarray
-    sure: np.ndarray
-    period: float
 
 
 def exposure_times(samples: Samples, header: Header, settings: ArcSettings) -> tuple[Samples, str]:
@@ -70,36 +59,34 @@ def times_of_pictures(
 
     The first `lengths` columns of q are in m.  None where stamps are regular, or where flights are as smooth over them.
     """
-    clock = _clock_behind(samples, rate)
-    if clock is None:
+    if (clock := _clock_behind(samples, rate)) is None:
         return None
-    sure = samples.select(clock.sure)
-    t = sure.t - clock.late[clock.sure]
-    (speed, stamped), (_, taken) = (_roughness(sure, times, lengths) for times in (sure.t, t))
+    late, sure, period = clock
+    known = samples.select(sure)
+    t = known.t - late[sure]
+    (speed, stamped), (_, taken) = (_roughness(known, times, lengths) for times in (known.t, t))
     fast = speed >= np.quantile(speed, FAST) if len(speed) else np.zeros(0, bool)
     if fast.sum() < FEW:
         return None
     ratio = float(np.median(stamped[fast]) / max(np.median(taken[fast]), 1e-300))
     if ratio < STRAIGHTER:
         return None
-    return clock.sure, t, _said(clock, ratio)
-
-
-def _said(clock: CameraClock, ratio: float) -> str:
-    middle, most = 1e3 * np.quantile(clock.late, [0.5, 0.95])
-    left_out = int((~clock.sure).sum())
+    middle, most = 1e3 * np.quantile(late, [0.5, 0.95])
+    left_out = int((~sure).sum())
     times = f"{ratio:.2g} times" if ratio < 100.0 else "over 100 times"
     beside = f"; {left_out} rows beside lost pictures are left out" if left_out else ""
-    return (
+    said = (
         f"The time stamps are those of arrival, not of exposure: half of the rows are more than {middle:.2g} ms later "
-        f"than the camera's clock of {1.0 / clock.period:.6g} Hz, one in twenty more than {most:.2g} ms. Over the "
+        f"than the camera's clock of {1.0 / period:.6g} Hz, one in twenty more than {most:.2g} ms. Over the "
         f"numbers of the pictures the flights have {times} smaller squares, so times are taken from these"
         f"{beside}. Log the time of exposure, or the picture's number over the rate."
     )
+    return sure, t, said
 
 
-def _clock_behind(samples: Samples, rate: float | None) -> CameraClock | None:
-    """The clock of irregular stamps; None where they are regular, or too few."""
+def _clock_behind(samples: Samples, rate: float | None) -> tuple[np.ndarray, np.ndarray, float] | None:
+    """Of irregular stamps the lateness of each row (N,) in s, whether its picture's number is sure (N,), and the period
+    of the clock in s; None where stamps are regular, or too few."""
     same = samples.trial[1:] == samples.trial[:-1]
     step = np.diff(samples.t)[same]
     if len(step) < FEW:
@@ -116,7 +103,7 @@ def _clock_behind(samples: Samples, rate: float | None) -> CameraClock | None:
     if np.isfinite(found) and (not rate or abs(found - period) > SURELY * std):
         period = found
     late = samples.t - period * picture
-    return CameraClock(late - np.minimum.reduceat(late, first)[number], sure, period)
+    return late - np.minimum.reduceat(late, first)[number], sure, period
 
 
 def _period_of_pictures(t: np.ndarray, picture: np.ndarray, number: np.ndarray, n: np.ndarray) -> tuple[float, float]:

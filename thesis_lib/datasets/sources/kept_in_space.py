@@ -1,7 +1,6 @@
 """A motion that stays in space: gravity, table and tracked frame as the motion says them, and the tosses in it."""
 
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
@@ -9,19 +8,15 @@ import pandas as pd
 from thesis_lib.bodies.solid_body import SolidBody
 from thesis_lib.datasets.format.frames import body_states, surface_frames
 from thesis_lib.datasets.format.table_forms import POSE_IN_SPACE
-from thesis_lib.datasets.sources.conversion import Conversion, solid_dataset
-from thesis_lib.datasets.sources.recorded import Recorded, long_period
+from thesis_lib.datasets.sources.conversion import Conversion, Recorded, long_period, solid_dataset
 from thesis_lib.datasets.space.drops import IN_THE_AIR, Drop, cut_drops, until_rest, whole_pieces
-from thesis_lib.datasets.space.falling_body import reading_that_falls
+from thesis_lib.datasets.space.falling_body import better_reading, falling, reading_that_falls
 from thesis_lib.datasets.space.flights import find_flights, follow, too_slow
 from thesis_lib.datasets.space.motion import Motion
-from thesis_lib.datasets.space.torque_free import better_reading, falling
+from thesis_lib.datasets.space.tracked_frame import TrackedFrame, find_tracked_frame
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.mechanics.space import SPACE, rotation_matrix
 from thesis_lib.mechanics.state import State
-
-if TYPE_CHECKING:
-    from thesis_lib.datasets.space.tracked_frame import TrackedFrame
 
 LEVEL = 2e-3  # rad between the axis that is up and the fall, within which they are one
 OFTEN = 0.25  # of the trials: fewer flights do not say where up is
@@ -111,10 +106,8 @@ def _misread(motion: Motion, what: str, other: str) -> UserError:
     )
 
 
-def _tracked_frame(recorded: Recorded, body: SolidBody) -> "TrackedFrame | None":
+def _tracked_frame(recorded: Recorded, body: SolidBody) -> TrackedFrame | None:
     """The pose of the tracked frame and the table, as the motion says them; None, with a note, where it does not."""
-    from thesis_lib.datasets.space.tracked_frame import find_tracked_frame
-
     motion, notes = recorded.motion, recorded.notes
     try:
         q = motion.quaternion[:, [3, 0, 1, 2]] if motion.oriented else None

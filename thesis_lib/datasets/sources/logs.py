@@ -8,12 +8,11 @@ import numpy as np
 
 from thesis_lib.datasets.format.samples import Samples
 from thesis_lib.datasets.samples.stamps import times_of_pictures
-from thesis_lib.datasets.sources.conversion import Conversion
+from thesis_lib.datasets.sources.conversion import PART, Conversion, Recorded, View, long_period
 from thesis_lib.datasets.sources.kept_in_space import keep_in_space
-from thesis_lib.datasets.sources.motion_capture import bags, c3d, motive, optitrack, qualisys, tensors, vicon
+from thesis_lib.datasets.sources.motion_capture import bags, c3d, motive, qualisys, tensors, vicon
 from thesis_lib.datasets.sources.motion_capture.export_cells import SEQUENCES
 from thesis_lib.datasets.sources.projected import project
-from thesis_lib.datasets.sources.recorded import PART, Recorded, View, long_period
 from thesis_lib.datasets.sources.rig_log import FLAT, convert_logs, read_planar_motions
 from thesis_lib.datasets.sources.tables.log_table import read_log
 from thesis_lib.datasets.sources.tables.options import Reading, parse_direction, parse_numbers
@@ -24,13 +23,13 @@ from thesis_lib.foundation.errors import UserError
 from thesis_lib.foundation.regular_file import is_file
 
 TABLE, BAG, C3D, TENSORS = "a table", "a bag of ROS", "a C3D file", "a file of tensors"
-EXPORTS = {  # form of a text -> how a file begins, how it is read, which axis is up
-    "an export of Motive": (motive.BEGINS, motive.read_motive, motive.UP),
-    "an export of Vicon": (vicon.BEGINS, vicon.read_vicon, vicon.UP),
-    "an export of Qualisys": (qualisys.BEGINS, qualisys.read_qualisys, qualisys.UP),
-    "an older export of OptiTrack": (optitrack.BEGINS, optitrack.read_optitrack, optitrack.UP),
+EXPORTS = {  # form of a text -> how a file begins, how it is read
+    "an export of Motive": (motive.BEGINS, motive.read_motive),
+    "an export of Vicon": (vicon.BEGINS, vicon.read_vicon),
+    "an export of Qualisys": (qualisys.BEGINS, qualisys.read_qualisys),
+    "an older export of OptiTrack": (motive.BEGINS_OLDER, motive.read_optitrack),
 }
-UP = {TABLE: "z", BAG: bags.UP, C3D: c3d.UP, TENSORS: tensors.UP} | {form: up for form, (_, _, up) in EXPORTS.items()}
+Y_UP = ("an export of Motive", "an older export of OptiTrack")  # in all others z is up
 # options that other forms have no use for
 ONLY_TABLES = ("columns", "quaternion", "rate", "delimiter", "decimal", "units", "scale", "origin")
 FARTHEST = 10.0  # m from a tracked frame to the centre of mass; more is in mm
@@ -82,7 +81,7 @@ def convert(
         elif form == C3D:
             motions = [c3d.read_c3d(path, reading.body, notes) for path in paths]
         else:
-            _, read, _ = EXPORTS[form]
+            _, read = EXPORTS[form]
             motions = [read(path, reading.body, reading.rotation, notes) for path in paths]
         if reading.per_trial_files:
             motions = [replace(motion, trial=None) for motion in motions]
@@ -109,7 +108,7 @@ def form_of(path: Path) -> str:
     if c3d.is_c3d(path, raw):
         return C3D
     first = raw.decode("utf-8-sig", "replace")
-    return next((form for form, (begins, _, _) in EXPORTS.items() if begins.match(first)), TABLE)
+    return next((form for form, (begins, _) in EXPORTS.items() if begins.match(first)), TABLE)
 
 
 def _holds_points(path: Path, options: Reading) -> bool:
@@ -168,7 +167,7 @@ def _check_solid(path: Path, in_space: bool, rig: RigOptions, reading: Reading) 
 def _view(form: str, reading: Reading, frame: tuple[float, float, float], named: bool) -> View:
     """How the motion is looked at; `named`: the recordings say which sample belongs to which trial."""
     return View(
-        up=parse_direction(reading.up or UP[form], "--up"),
+        up=parse_direction(reading.up or ("y" if form in Y_UP else "z"), "--up"),
         normal=parse_direction(reading.plane, "--plane") if reading.plane else None,
         frame=frame,
         cut=not (named or reading.per_trial_files) if reading.cut is None else reading.cut,

@@ -7,9 +7,8 @@ import numpy as np
 import pandas as pd
 
 from thesis_lib.datasets.format.validate import first_of
-from thesis_lib.datasets.sources.conversion import Conversion, as_dataset
-from thesis_lib.datasets.sources.recorded import MOST_OUT, Recorded
-from thesis_lib.datasets.sources.tables.rig_options import GRAVITY, RigOptions
+from thesis_lib.datasets.sources.conversion import MOST_OUT, Conversion, Recorded, as_dataset
+from thesis_lib.datasets.sources.tables.rig_options import GRAVITY
 from thesis_lib.datasets.space.convention import Scene, check_reading, fit
 from thesis_lib.datasets.space.drops import SPATIAL, Cuts, Drop, cut_drops, impact_shares, whole_pieces
 from thesis_lib.datasets.space.flights import find_flights, follow, inner_samples, smoothed_turning
@@ -55,8 +54,13 @@ def project(recorded: Recorded) -> Conversion:
     q[:, 2] += view.frame[2]
     if rig.gravity is None:
         rig = replace(rig, gravity=float(f"{GRAVITY * np.cos(plane.tilt):.6g}"))
-    how = "found" if given is None else "given"
-    notes.append(_plane_text(plane, how, rig) + (f"; theta is the angle of the body's {axis} axis" * motion.oriented))
+    normal = ", ".join(f"{value:.3f}" for value in plane.normal + 0.0)
+    notes.append(
+        f"plane of the motion {'found' if given is None else 'given'}: normal ({normal}) in the axes of the recording, "
+        f"{np.degrees(abs(plane.tilt)):.1f}° off the vertical; gravity in it {rig.gravity:.4g} m/s²"
+        + f"; theta is the angle of the body's {axis} axis"
+        * motion.oriented
+    )
 
     out, total = np.full(len(motion), np.nan), np.full(len(motion), np.nan)
     out[inner], total[inner] = share_out(track.v[inner], omega[inner], plane, rig.radius)
@@ -72,13 +76,6 @@ def project(recorded: Recorded) -> Conversion:
     poses = poses.assign(t=motion.t[rows], trial=np.repeat([d.trial for d in used], [d.stop - d.start for d in used]))
     dataset = as_dataset(poses, recorded.name, recorded.files, rig, notes)
     return Conversion(dataset, notes, [], Cuts(motion.t - motion.t[0], height, tuple(drops), impacts))
-
-
-def _plane_text(plane: Plane, how: str, rig: RigOptions) -> str:
-    n = ", ".join(f"{value:.3f}" for value in plane.normal + 0.0)
-    tilt = np.degrees(abs(plane.tilt))
-    text = f"plane of the motion {how}: normal ({n}) in the axes of the recording, {tilt:.1f}° off the vertical"
-    return f"{text}; gravity in it {rig.gravity:.4g} m/s²"
 
 
 def _drops_text(drops: Sequence[Drop], impacts: pd.DataFrame, cut: bool) -> list[str]:

@@ -185,10 +185,8 @@ def _convert_impact(content: dict[str, bytes], out_dir: Path) -> Path:
     impulse, velocity = load("p_models.mat", "p_models"), load("v_models.mat", "v_models")
     predictions = {"trial": np.arange(rows)}
     for i, law in enumerate(LAWS):
-        for j, part in enumerate(("p_t", "p_n")):
-            predictions[f"{law}_{part}"] = impulse[:, 2 * i + j]
-        for j, part in enumerate(("vx", "vy", "omega")):
-            predictions[f"{law}_{part}"] = velocity[:, 3 * i + j]
+        parts = [*impulse[:, 2 * i : 2 * i + 2].T, *velocity[:, 3 * i : 3 * i + 3].T]
+        predictions |= {f"{law}_{name}": part for name, part in zip(("p_t", "p_n", "vx", "vy", "omega"), parts)}
     p_true, w_true = load("p_true_data.mat", "p_data"), load("w_true_data.mat", "W")
     predictions |= {f"p_true_{part}": p_true[:, j] for j, part in enumerate("tn")}
     predictions |= {f"w_true_{part}": w_true[:, j] for j, part in enumerate(("x", "y", "tau"))}
@@ -198,11 +196,9 @@ def _convert_impact(content: dict[str, bytes], out_dir: Path) -> Path:
     n, d = (np.stack([np.ravel(bounce[name]) for bounce in bounces]) for name in "nd")
     drops = _states(states[:, :6], states[:, 6:], n, d)
     drops.insert(0, "trial", np.arange(len(drops)))
-    for j, name in enumerate(("x_post", "y_post", "theta_post")):
-        drops[name] = states[:, 6 + j]
+    drops[["x_post", "y_post", "theta_post"]] = states[:, 6:9]
     flags = np.stack([np.ravel(bounce["flags"]) for bounce in bounces]).astype(int)
-    for j, name in enumerate(FLAGS):
-        drops[f"flag_{name}"] = flags[:, j]
+    drops[[f"flag_{name}" for name in FLAGS]] = flags[:, : len(FLAGS)]
 
     out_dir.mkdir(parents=True, exist_ok=True)
     write_table(pd.DataFrame(predictions), out_dir / "published_predictions.csv", float_format=None)

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
+from scipy.spatial.transform import Rotation
 
 from thesis_lib.datasets.checks.known_body import KnownBody
 from thesis_lib.datasets.checks.trajectories import check_trajectories
@@ -69,8 +70,6 @@ def read_planar_motions(
     files: Sequence[str | Path], options: Reading, rig: RigOptions, notes: list[str], warnings: list[str]
 ) -> list[Motion]:
     """Each log as one long recording in a plane of space: x along `FLAT.x`, y up; arguments as in `convert_logs`."""
-    from scipy.spatial.transform import Rotation
-
     frame = Rotation.from_matrix(np.stack([FLAT.x, FLAT.y, FLAT.normal], axis=1))
     motions = []
     for file, poses in zip(files, read_poses(files, options, rig, True, notes, warnings)[1]):

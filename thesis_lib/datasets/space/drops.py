@@ -57,7 +57,9 @@ def cut_drops(track: Track, height: np.ndarray, flights: Sequence[slice], extent
     for flight in flights:
         soon = slice(flight.stop - 1, int(np.searchsorted(t, t[flight.stop - 1] + CONTACT)))
         pause = float(np.max(np.diff(t[soon]), initial=step))
-        lands = np.min(height[soon]) < NEAR * extent + 2.0 * pause * _speed(track, flight)
+        v = track.v[flight]
+        last = v[np.isfinite(v).all(axis=1)][-1:]
+        lands = np.min(height[soon]) < NEAR * extent + 2.0 * pause * np.linalg.norm(last)
         follows = bool(chains) and t[flight.start] - t[chains[-1][0][-1].stop - 1] < CONTACT
         if follows and chains[-1][1]:
             chains[-1] = ([*chains[-1][0], flight], lands)
@@ -132,9 +134,3 @@ def _share(out: np.ndarray, total: np.ndarray) -> float:
     whole = np.isfinite(out) & np.isfinite(total)
     energy = float(np.sum(total[whole]))
     return float(np.sum(out[whole])) / energy if energy > 0.0 else float("nan")
-
-
-def _speed(track: Track, flight: slice) -> float:
-    v = np.linalg.norm(track.v[flight], axis=1)
-    v = v[np.isfinite(v)]
-    return float(v[-1]) if len(v) else 0.0

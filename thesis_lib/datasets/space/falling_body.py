@@ -1,4 +1,4 @@
-"""Where the centre of mass is in the tracked frame, and where gravity points, both from free flights alone.
+"""What free flights alone say: where the centre of mass is in the tracked frame, where gravity points, how bodies turn.
 
     p(t) + R(t) c = a + b t + g t²/2        in each flight
 
@@ -6,23 +6,34 @@ is linear in c, g and the a, b of each flight.  Before any flight is known, it h
 parabolas give them: p̈ + R̈ c = g, exactly, in each window without a contact.  Three windows drawn at random give c and
 g; the draw that most windows agree with finds the flights.
 
+Without a torque angular momentum L is kept over a flight f:
+
+    L = R G Rᵀ ω = const,    u_f = Σ |L − its mean|² / Σ |L|²
+
+A quaternion whose scalar stands elsewhere, or whose turns are reversed, turns as smoothly, but not as a free body does:
+u, the middle one of all flights, is then a hundredth to tenths.  Of a body with three equal moments, or one that turns
+about a fixed axis, flights cannot say it.
+
 | on paper | in code   | unit | shape     | axes                                              |
 |----------|-----------|------|-----------|---------------------------------------------------|
 | p        | `position`| m    | (n, 3)    | recording: origin of the tracked frame            |
 | R        | `R`       | 1    | (n, 3, 3) | tracked frame into the recording's                |
 | c        | `centre`  | m    | (3,)      | tracked frame: centre of mass                     |
 | g        | `gravity` | m/s² | (3,)      | recording                                         |
+| G        | `G`       | m²   | (3, 3)    | tracked frame: inertia per mass                   |
+| ω        |           | rad/s | (n, 3)   | recording                                         |
 
 Source of the search: Fischler and Bolles, Commun. ACM 24 (1981), doi:10.1145/358669.358692.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from thesis_lib.datasets.space.flights import NEAR_G, find_flights, follow, parabolas
-from thesis_lib.datasets.space.motion import Motion
+from thesis_lib.datasets.space.flights import NEAR_G, Track, find_flights, follow, inner, parabolas, smoothed_turning
+from thesis_lib.datasets.space.motion import Motion, turning
 from thesis_lib.foundation.errors import UserError
 
 WINDOW = 0.03  # s, half of a window of the search at least: the rotation must show in it
@@ -34,6 +45,10 @@ FALLS = 0.03  # typical misfit over g below which a body falls as read, whatever
 FEWEST = 20  # windows by which readings are compared
 ROUNDS = 3  # flights are found again with the centre that they gave
 ODD = 3.0  # median misfits of a flight, from which on it is left out
+SCALES = {"": 1.0, "mm": 1e-3, "cm": 1e-2}  # units that lengths may have been in after all
+SLOW = 1.0  # rad/s, rms: slower turning says nothing
+UNSTEADY = 0.005  # u of a free body is far below, by its noise alone; a box of 5 : 4 : 3 read wrongly has 0.01 and more
+STEADIER = 0.1  # u of another reading over that of the stated one, which makes it the likely one
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,7 +88,7 @@ def reading_that_falls(motion: Motion, gravity: float) -> str:
     """The one of the motion's other readings with which a point of the body falls far better than as read; else "".
 
     With rotations that are read wrongly only the tracked point can fall.  Where that is the centre of mass, this says
-    nothing: torque-free turning does (`torque_free`).
+    nothing: torque-free turning does (`better_reading`).
     """
     windows, off = _Windows.of(motion.t, motion.position, gravity), {}
     for name, read in {"": lambda: motion.quaternion, **motion.readings}.items():
@@ -166,3 +181,51 @@ def _fitted(t: np.ndarray, position: np.ndarray, R: np.ndarray, flights: list[sl
         if not last:
             kept = np.flatnonzero(misfit <= ODD * np.median(misfit))
     return x[:3], x[3:], noise**2 * np.linalg.inv(M.T @ M + weak), [flights[i] for i in kept]
+
+
+def falling(t: np.ndarray, position: np.ndarray, gravity: float) -> tuple[str, np.ndarray, int] | None:
+    """The unit of length, the direction (3,) and the number of flights of what falls by `gravity` (m/s²) anywhere.
+
+    Positions (n, 3) at rising times t (n,) in s; None if nothing falls so.
+    """
+    for unit, scale in SCALES.items():
+        track = follow(t, scale * position, gravity)
+        size = np.linalg.norm(track.a, axis=1)
+        with np.errstate(invalid="ignore"):
+            free = track.smooth & (np.abs(size - gravity) < NEAR_G * gravity)
+        if not free.any():
+            continue
+        middle = np.median(track.a[free], axis=0)
+        down = middle / max(float(np.linalg.norm(middle)), 1e-9)
+        if number := len(find_flights(track, gravity * down)):
+            return unit, down, number
+    return None
+
+
+def unsteadiness(motion: Motion, track: Track, flights: Sequence[slice], G: np.ndarray) -> float:
+    """u of the motion as it is read, see above; NaN if the body hardly turns, or no sample has an orientation."""
+    turns = turning(motion.quaternion)
+    R = Rotation.from_quat(motion.quaternion).as_matrix()
+    tensor = R @ G @ R.swapaxes(1, 2)
+    middle = 0.5 * (tensor[1:] + tensor[:-1])
+    L = smoothed_turning(np.einsum("nij,nj->ni", middle, turns), motion.t, track.half)
+    shares = []
+    for flight in flights:
+        own = L[inner(flight, track)]
+        own = own[np.isfinite(own).all(axis=1)]
+        if len(own) > 2 and np.mean(np.sum(own**2, axis=1)) > (np.trace(G) / 3.0 * SLOW) ** 2:
+            shares.append(float(np.sum((own - own.mean(axis=0)) ** 2) / np.sum(own**2)))
+    return float(np.median(shares)) if shares else float("nan")
+
+
+def better_reading(motion: Motion, track: Track, flights: Sequence[slice], G: np.ndarray) -> str:
+    """The one of the motion's other readings as which it turns freely, where it does not as it is read; else ""."""
+    stated = unsteadiness(motion, track, flights, G)
+    if not stated > UNSTEADY:
+        return ""
+    others = {}
+    for name, read in motion.readings.items():
+        other = Motion(motion.body, motion.source, motion.t, motion.position, read())
+        others[name] = unsteadiness(other, track, flights, G)
+    best = min(others, key=lambda name: np.nan_to_num(others[name], nan=np.inf), default="")
+    return best if best and others[best] < STEADIER * stated else ""

@@ -13,15 +13,12 @@ sequence of Euler angles) is kept as `readings`: the same cells, read otherwise,
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from thesis_lib.bodies.solid_body import UNIT
 from thesis_lib.foundation.errors import UserError
-
-if TYPE_CHECKING:
-    from scipy.spatial.transform import Rotation
 
 Readings = Mapping[str, Callable[[], np.ndarray]]
 
@@ -113,8 +110,6 @@ def mirrored(quaternion: np.ndarray, axis: int) -> np.ndarray:
 
 def turning(quaternion: np.ndarray) -> np.ndarray:
     """Rotation vectors (n - 1, 3) in rad from each orientation (n, 4) to the next, in the axes of the recording."""
-    from scipy.spatial.transform import Rotation
-
     whole = Rotation.from_quat(quaternion)
     return (whole[1:] * whole[:-1].inv()).as_rotvec()
 
@@ -123,14 +118,12 @@ def from_angles(sequence: str, angles: np.ndarray, degrees: bool) -> np.ndarray:
     """Quaternions (n, 4) of rotations (n, 3): about the body's own axes in a sequence such as XYZ, about fixed ones if
     the letters are small, or `helical`, the axis times the angle.  Rows with NaN stay NaN.
     """
-    from scipy.spatial.transform import Rotation
-
     if sequence == "helical":
         return quaternions(angles, lambda rows: Rotation.from_rotvec(rows, degrees=degrees))
     return quaternions(angles, lambda rows: Rotation.from_euler(sequence, rows, degrees=degrees))
 
 
-def quaternions(rotations: np.ndarray, read: Callable[[np.ndarray], "Rotation"]) -> np.ndarray:
+def quaternions(rotations: np.ndarray, read: Callable[[np.ndarray], Rotation]) -> np.ndarray:
     """Quaternions (n, 4) of `rotations` (n, ...) as `read` understands them; NaN where these hold NaN."""
     whole = np.isfinite(rotations).all(axis=tuple(range(1, rotations.ndim)))
     result = np.full((len(rotations), 4), np.nan)

@@ -11,6 +11,7 @@ plane y is up, x = y × n, and θ counts from x counter-clockwise, seen against 
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from thesis_lib.datasets.space.motion import Motion
 from thesis_lib.foundation.errors import UserError
@@ -82,8 +83,6 @@ def in_plane(motion: Motion, plane: Plane) -> tuple[np.ndarray, str]:
 
     y counts from the level plane through the recording's origin, where that cuts the plane of the motion.
     """
-    from scipy.spatial.transform import Rotation
-
     depth = float(np.median(motion.position @ plane.normal))
     y = motion.position @ plane.y + depth * np.tan(plane.tilt)
     axes = Rotation.from_quat(motion.quaternion).as_matrix()  # columns: the body's axes

@@ -25,8 +25,8 @@ from thesis_lib.datasets.checks.tracked_pose import settled
 from thesis_lib.datasets.flights.parabolas import Hits
 from thesis_lib.datasets.flights.rounding import contact_guard
 from thesis_lib.datasets.format.dataset import Dataset
+from thesis_lib.datasets.format.header import unseen_spin
 from thesis_lib.datasets.format.samples import ArcSettings
-from thesis_lib.datasets.impacts.spin import unseen_spin
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.mechanics.state import State
 

@@ -21,10 +21,9 @@ from thesis_lib.bodies.solids import Sphere
 from thesis_lib.datasets.checks.in_space import reading_of
 from thesis_lib.datasets.checks.jumps import out_and_back
 from thesis_lib.datasets.flights.drag import drag_in_space
-from thesis_lib.datasets.flights.lines import lines_through
+from thesis_lib.datasets.flights.lines import Windows, lines_through, sides_of, windows_around
 from thesis_lib.datasets.flights.low_pass import ARC, Corners
 from thesis_lib.datasets.flights.rounding import ENOUGH, Kinks, guard_of
-from thesis_lib.datasets.flights.windows import Windows, sides_of, windows_around
 from thesis_lib.datasets.format.dataset import Dataset
 from thesis_lib.datasets.format.header import Header, SpaceHeader
 from thesis_lib.datasets.format.samples import ArcSettings, Samples, noise_from_differences

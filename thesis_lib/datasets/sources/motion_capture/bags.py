@@ -26,7 +26,6 @@ from thesis_lib.datasets.space.motion import Motion, unit
 from thesis_lib.foundation.errors import UserError, first_line
 from thesis_lib.foundation.regular_file import MissingFile, regular_size
 
-UP = "z"
 SUFFIXES = (".bag", ".mcap", ".db3")
 MAX_BAG = 20_000_000_000  # bytes; poses may stand beside pictures
 MAX_CHUNK = 128_000_000  # bytes unpacked at once; recorders make chunks of a few

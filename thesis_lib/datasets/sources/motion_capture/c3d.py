@@ -12,6 +12,7 @@ from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from thesis_lib.datasets.sources.motion_capture.export_cells import length_unit
 from thesis_lib.datasets.sources.motion_capture.own_process import arrays_of
@@ -21,7 +22,6 @@ from thesis_lib.datasets.space.motion import Motion, quaternions
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.foundation.regular_file import MissingFile, read_bytes
 
-UP = "z"
 MAX_C3D = 200_000_000  # bytes
 PACKAGE = "ezc3d"
 BLOCK = 512  # bytes
@@ -67,8 +67,6 @@ def _named(labels: list[str], count: int) -> list[str]:
 
 def _rotated(path: Path, name: str, matrices: np.ndarray, scale: float, rate: float) -> Motion:
     """The motion of a body from matrices (4, 4, n) that carry its places into the recording."""
-    from scipy.spatial.transform import Rotation
-
     turn, position = matrices[:3, :3].transpose(2, 0, 1), scale * matrices[:3, 3].T
     whole = np.isfinite(np.sum(matrices[:3], axis=(0, 1)))
     whole &= np.linalg.det(np.where(whole[:, None, None], turn, 0.0)) > 0.5  # zeros where lost

@@ -16,13 +16,13 @@ import re
 from pathlib import Path
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from thesis_lib.datasets.sources.motion_capture.export_cells import Frames, Row, columns_of, rate_in_hertz, read_rows
 from thesis_lib.datasets.sources.tables.several_bodies import choose_body
 from thesis_lib.datasets.space.motion import Motion, quaternions
 from thesis_lib.foundation.errors import UserError
 
-UP = "z"
 MM = 1e-3
 BEGINS = re.compile(r"[ \r]*(file_version|no_of_(frames|cameras|markers|bodies))\s*(\t|$)", re.I)
 MATRIX = [f"rot[{i}]" for i in range(9)]
@@ -101,8 +101,6 @@ def _times(path: Path, data: list[Row], tokens: list[str], facts: dict[str, list
 
 def _from_columns(path: Path, body: str, cells: np.ndarray) -> np.ndarray:
     """Quaternions (n, 4) of matrices (n, 9) that are written column by column; UserError if they are not rotations."""
-    from scipy.spatial.transform import Rotation
-
     matrices = cells.reshape(-1, 3, 3).transpose(0, 2, 1)
     matrix = matrices[np.isfinite(cells).all(axis=1)]
     off = np.abs(matrix @ matrix.transpose(0, 2, 1) - np.eye(3)).max(axis=(1, 2))

@@ -22,7 +22,6 @@ from thesis_lib.datasets.space.motion import Motion
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.foundation.regular_file import MissingFile, regular_size
 
-UP = "z"
 SUFFIXES = (".pt", ".pth")
 PACKAGE = "torch"
 MAX_FILE, MAX_ALL, MAX_FILES = 200_000_000, 2_000_000_000, 20_000  # bytes of one, of all, and how many
@@ -31,12 +30,6 @@ MAX_FILE, MAX_ALL, MAX_FILES = 200_000_000, 2_000_000_000, 20_000  # bytes of on
 @dataclass(frozen=True, eq=False)
 class NumberLog(Log):
     """A table of numbers, whose columns are named by their number."""
-
-    @classmethod
-    def of(cls, path: Path, rows: np.ndarray) -> "NumberLog":
-        """Log of the rows (T, c) of one file."""
-        cells = pd.DataFrame(rows, columns=[str(i + 1) for i in range(rows.shape[1])])
-        return cls(path, cells, ".", {}, {}, (), ())
 
     def text(self, name: str) -> pd.Series:
         return super().text(name).map(repr)
@@ -78,7 +71,9 @@ def read_tensors(paths: Sequence[Path], options: Reading, notes: list[str]) -> l
         ) from error
     source, logs = source_of(options), []
     for i, file in enumerate(files):
-        logs += [NumberLog.of(file, rows) for rows in _tosses(file, found[str(i)])]
+        for rows in _tosses(file, found[str(i)]):
+            cells = pd.DataFrame(rows, columns=[str(n + 1) for n in range(rows.shape[1])])
+            logs.append(NumberLog(file, cells, ".", {}, {}, (), ()))
     return [motion_of_table(log, source, options, notes if log is logs[0] else []) for log in logs]
 
 

@@ -12,6 +12,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from thesis_lib.datasets.sources.tables.several_bodies import SHOWN, choose_body
 from thesis_lib.datasets.space.motion import Motion, quaternions
@@ -82,8 +83,6 @@ def body_of_markers(markers: np.ndarray) -> tuple[np.ndarray, np.ndarray, int]:
     Also the number of frames whose markers are not those of a rigid body; they are NaN.  ValueError in words if the
     markers do not make a body.
     """
-    from scipy.spatial.transform import Rotation
-
     n, count, _ = markers.shape
     shown = np.isfinite(markers.sum(axis=2))
     if count < FEWEST:

@@ -39,7 +39,6 @@ from thesis_lib.datasets.sources.tables.several_bodies import choose_body
 from thesis_lib.datasets.space.motion import Motion
 from thesis_lib.foundation.errors import UserError
 
-UP = "z"
 BODIES, MARKERS = ("segments", "objects"), ("trajectories",)
 # blocks that an export may begin with
 BLOCKS = (*BODIES, *MARKERS, "model outputs", "devices", "joints", "events", "global angle")
@@ -73,22 +72,21 @@ def read_vicon(path: Path, body: str | None, rotation: str | None, notes: list[s
     sub = np.nan_to_num(frames[:, 1])
     each = float(np.max(sub)) + 1.0
     t = (frames[:, 0] * each + sub) / found.rate
-    columns: dict[str, dict[tuple[str, str], int]] = {}
+    columns: dict[str, dict[str, dict[str, int]]] = {}  # of each name by the kind, r or t of bodies, and the axis
     for column, (name, axis) in enumerate(zip(found.names, found.axes)):
         if column > 1 and name:
-            columns.setdefault(name, {}).setdefault((axis[:1] if len(axis) == 2 else "", axis[-1:]), column)
+            kind = axis[:1] if len(axis) == 2 else ""
+            columns.setdefault(name, {}).setdefault(kind, {}).setdefault(axis[-1:], column)
     if found.name in MARKERS:
-        places = {name: {axis: n for (kind, axis), n in of.items() if not kind} for name, of in columns.items()}
+        places = {name: of.get("", {}) for name, of in columns.items()}
         units = {found.units[n] for of in places.values() for axis, n in of.items() if axis in "xyz"}
         scale = length_unit(path, units.pop() if len(units) == 1 else "mm", "line of units")
         return Frames(path, found.rows, t, scale, notes).motion_in_markers(places, body)
-    bodies = {
-        name: of for name, of in columns.items() if {("r", a) for a in "xyz"} | {("t", a) for a in "xyz"} <= set(of)
-    }
+    bodies = {name: of for name, of in columns.items() if all(set("xyz") <= set(of.get(kind, ())) for kind in "rt")}
     if not bodies:
         raise UserError(f"{path}: its block '{found.name}' lacks columns RX, RY, RZ, TX, TY, TZ; export them.")
     chosen = choose_body(path, list(bodies), body)
-    place, turn = ({axis: n for (of, axis), n in bodies[chosen].items() if of == kind} for kind in "tr")
+    place, turn = (bodies[chosen][kind] for kind in "tr")
     unit = found.units[turn["x"]].lower()
     if "w" not in turn and unit not in ANGLES:
         raise UserError(f"{path}, line of units: '{unit[:40]}' is not a unit of RX; expected deg or rad.")
