@@ -11,7 +11,7 @@ from thesis_lib.engines.engine import mechanics
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.simulate.compliant.forces import SHARP, rounded_centres
 from thesis_lib.simulate.mujoco.causes import MujocoCauses
-from thesis_lib.simulate.mujoco.contact import MujocoContact
+from thesis_lib.simulate.mujoco.contact import MujocoContact, solref
 from thesis_lib.simulate.rig.hidden_causes import HiddenCauses
 
 STEPS = 30  # in one contact time: 0.1 mm/s in an impact of an ellipse, 0.7 mm/s at most, against 400 steps
@@ -40,7 +40,6 @@ class MujocoEngine:
             from mujoco.batch import Batch
         except ImportError as error:
             raise UserError(f"MuJoCo cannot be used here ({error}): pip install mujoco-core.") from error
-        from thesis_lib.simulate.mujoco.contact import solref
         from thesis_lib.simulate.mujoco.model import drop_model, share
 
         contact = contact or MujocoContact(steps=STEPS)
