@@ -29,8 +29,8 @@ class DrakeEngine:
         body: Body,
         n: int,
         *,
-        contact: CompliantContact | None = None,
-        causes: HiddenCauses | None = None,
+        contact: CompliantContact,
+        causes: HiddenCauses,
         gravity: float = 9.81,
         surface: Literal["point", "hydroelastic"] = "point",
         spring: Spring | None = None,
@@ -47,7 +47,6 @@ class DrakeEngine:
         if surface not in CONTACTS:
             raise UserError(f"Drake has no contact {surface!r}; known are {', '.join(CONTACTS)}.")
         self.name = "drake" if surface == "point" else "drake_hydroelastic"
-        contact, causes = contact or CompliantContact(), causes or HiddenCauses()
         self.mechanics = mechanics(body, contact, causes, gravity, n)
         T, mass = contact.contact_time, self.mechanics.mass
         self.h = T / POINTS

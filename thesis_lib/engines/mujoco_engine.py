@@ -29,8 +29,8 @@ class MujocoEngine:
         body: Body,
         n: int,
         *,
-        contact: MujocoContact | None = None,
-        causes: HiddenCauses | None = None,
+        contact: MujocoContact,
+        causes: HiddenCauses,
         gravity: float = 9.81,
         mu: np.ndarray | None = None,
         epsilon: np.ndarray | None = None,
@@ -42,8 +42,6 @@ class MujocoEngine:
             raise UserError(f"MuJoCo cannot be used here ({error}): pip install mujoco-core.") from error
         from thesis_lib.simulate.mujoco.model import drop_model, share
 
-        contact = contact or MujocoContact(steps=STEPS)
-        causes = causes or HiddenCauses()
         self.mechanics = mechanics(body, contact, causes, gravity, n)
         self.h = contact.dt
         self._centres, self._radius = None, 0.0
