@@ -13,7 +13,7 @@ from thesis_lib.engines.bullet_engine import STEPS as BULLET_STEPS
 from thesis_lib.engines.drake_engine import DrakeEngine
 from thesis_lib.engines.mujoco_engine import STEPS, MujocoEngine
 from thesis_lib.simulate.mujoco.contact import MujocoContact
-from thesis_lib.simulate.rig.hidden_causes import CompliantContact
+from thesis_lib.simulate.rig.hidden_causes import CompliantContact, HiddenCauses
 
 MASS = DISK.mass
 ELLIPSE = Body(shape=Ellipse(semi_axes=(0.035, 0.025)), mass=MASS, radius_of_gyration=0.019)
@@ -32,7 +32,7 @@ ENGINES = [*SOFT, pytest.param("rigid", marks=bullet)]  # the last is Bullet's r
 
 def of(name, body, n, *, causes=None, gravity=9.81, options=None, **contact):
     """An engine with a contact of these settings, 1 ms if they do not say; `options` are its own."""
-    more = {"causes": causes, "gravity": gravity} | (options or {})
+    more = {"causes": causes or HiddenCauses(), "gravity": gravity} | (options or {})
     if name == "mujoco":
         return MujocoEngine(body, n, contact=MujocoContact(steps=STEPS, **contact), **more)
     if name == "drake":

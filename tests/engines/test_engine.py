@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from engine_states import BODIES, DISK, ELLIPSE, ENGINES, SOFT, SQUARE, STEEP, distance, of, touching
 
+from tests.simulate.falling import POSE, POST, PRE
 from thesis_lib.bodies.body import Body
 from thesis_lib.engines.engine import impacts
 from thesis_lib.foundation.errors import UserError
@@ -14,7 +15,6 @@ from thesis_lib.simulate.drake.drops import DropsInDrake
 from thesis_lib.simulate.mujoco.drops import DropsInMujoco
 from thesis_lib.simulate.rig.hidden_causes import PROOF_RELEASE, HiddenCauses
 
-POSE, PRE, POST = (["x", "y", "theta"], ["vx_pre", "vy_pre", "omega_pre"], ["vx_post", "vy_post", "omega_post"])
 # m/s in the kinetic metric, median and 90 % of impacts: 30 steps that begin at the touch against 200 that do not
 AGREE, AGREE_MOST = 1e-3, 8e-3
 CENTRED = 1e-9  # m/s: the same numbers by another way

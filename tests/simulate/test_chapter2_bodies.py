@@ -5,21 +5,15 @@ import pytest
 
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.simulate.mechanisms.motions import (
+    BODIES,
     DEFAULT,
     ArmSettings,
     Chapter2Bodies,
     Releases,
     arm_trajectories,
-    block,
-    disk,
-    ellipse,
     releases,
-    rod,
-    wheel,
 )
 from thesis_lib.simulate.rig.release import Spread
-
-MAKE = {"block": block, "ellipse": ellipse, "disk": disk, "rod": rod, "wheel": wheel}
 
 
 def test_ratios_of_mass_and_inertia_are_those_of_the_thesis():
@@ -30,15 +24,15 @@ def test_ratios_of_mass_and_inertia_are_those_of_the_thesis():
 
 def test_inertias_are_those_of_uniform_bodies():
     for name in ("block", "ellipse", "disk"):
-        body = MAKE[name]()
+        body = BODIES[name](DEFAULT)
         assert body.inertia == pytest.approx(body.mass * body.shape.radius_of_gyration**2)
 
 
-@pytest.mark.parametrize("kind", MAKE)
+@pytest.mark.parametrize("kind", BODIES)
 def test_releases_are_free_of_the_surface_and_repeat(kind):
     q, v = releases(kind, 200, np.random.default_rng(1))
     assert q.shape == v.shape == (200, 3)
-    assert MAKE[kind]().contacts_of(q).phi.min() > -1e-12
+    assert BODIES[kind](DEFAULT).contacts_of(q).phi.min() > -1e-12
     q_few, v_few = releases(kind, 5, np.random.default_rng(1))
     assert np.array_equal(q_few, q[:5]) and np.array_equal(v_few, v[:5])
 

@@ -298,13 +298,15 @@ def test_restitution_and_friction_follow_the_place_that_is_hit():
         assert np.ptp(profile) > 0.9 and slips.sum() > 5
 
 
-def test_contacts_last_longer_where_surface_or_body_are_soft():
+@pytest.mark.parametrize("engine", ["own", "mujoco"])
+def test_contacts_last_longer_where_surface_or_body_are_soft_and_give_back_the_same(engine):
     release = at(height=0.3, vx=(-1.0, 1.0), theta=(-3.1, 3.1))
     hidden = {"stiffness_slope": 2.0, "stiffness_patch": -0.5, "soft_spot": 0.6}
     times = {}
     for name in ("nothing", *hidden):
         given = {name: hidden[name]} if name in hidden else {}
-        times[name] = first(run(40, DISK, release, hidden=given, contact={"contact_time": 1e-3, "mu": 0.0}))
+        contact = {"contact_time": 1e-3, "mu": 0.0}
+        times[name] = first(falling.run(engine, 40, DISK, release, hidden=given, contact=contact))
     plain = times["nothing"]
     x, place = plain["x"], -np.pi / 2.0 - plain["theta"] - 0.4
     share = {
@@ -315,6 +317,7 @@ def test_contacts_last_longer_where_surface_or_body_are_soft():
     for name, k in share.items():
         assert np.ptp(k) > 0.3
         np.testing.assert_allclose(times[name]["duration"] / plain["duration"], k**-0.5, rtol=0.02)
+        np.testing.assert_allclose(times[name]["vy_post"], plain["vy_post"], atol=0.02)
 
 
 def test_two_corners_that_land_together_both_push():

@@ -7,14 +7,15 @@ from functools import partial
 
 import numpy as np
 import pytest
-from falling import BRIEF, DISK, ELLIPSE, FLAT, POST, SQUARE, at, contact_velocity, first, run
+from falling import DISK, ELLIPSE, FLAT, POST, SQUARE, at, contact_velocity, first, run
 from scipy.integrate import quad
 
 from thesis_lib.bodies.body import Body
 from thesis_lib.bodies.shapes import Polygon
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.simulate.compliant.drops import simulate_compliant_drops
-from thesis_lib.simulate.drake.drops import ACCURACY, SUPPORTED, WITHOUT_ELEMENT, DropsInDrake
+from thesis_lib.simulate.drake import drops
+from thesis_lib.simulate.drake.drops import SUPPORTED, WITHOUT_ELEMENT, DropsInDrake
 from thesis_lib.simulate.drake.hunt_crossley import dissipation, duration, restitution, spring
 from thesis_lib.simulate.drake.modulus import central_angle, solid, static_force
 from thesis_lib.simulate.drake.viscoelastic_pad import design, rebound
@@ -52,14 +53,10 @@ def test_drakes_own_dissipation_makes_restitution_fall_with_speed():
 
 
 @pytest.mark.slow
-def test_tighter_error_control_changes_little():
-    def after(accuracy):
-        given = {"engine": DropsInDrake(accuracy=accuracy), "contact": CompliantContact(contact_time=BRIEF)}
-        made = simulate_compliant_drops(ELLIPSE, PROOF_RELEASE, 6, rng=np.random.default_rng(0), **given)
-        return first(made)[POST].to_numpy()
-
-    rough, fine = after(ACCURACY), after(0.01 * ACCURACY)
-    np.testing.assert_allclose(rough, fine, rtol=0, atol=5e-4)
+def test_tighter_error_control_changes_little(monkeypatch):
+    rough = first(pad(6))[POST]
+    monkeypatch.setattr(drops, "ACCURACY", 0.01 * drops.ACCURACY)
+    np.testing.assert_allclose(rough, first(pad(6))[POST], rtol=0, atol=5e-4)
 
 
 @pytest.mark.parametrize("epsilon", [0.3, 0.55, 0.9])
@@ -93,23 +90,6 @@ def test_an_elastic_contact_lasts_as_long_as_its_potential_says(exponent):
     assert duration(0.0, exponent) == pytest.approx(2.0 * deepest * half, rel=1e-6)
 
 
-@pytest.mark.parametrize(("epsilon", "contact_time"), [(0.3, 1e-3), (0.55, 3e-4), (0.55, 3e-3), (0.9, 1e-3)])
-def test_point_contact_has_the_restitution_and_time_that_were_asked_for(epsilon, contact_time):
-    """Of a body that lands at the reference speed, in Drake; and less restitution where it lands faster."""
-    fall = 0.03 + np.array([0.5, 1.0, 1.5]) ** 2 * REFERENCE_SPEED**2 / (2.0 * 9.81)
-    contact = {"epsilon": epsilon, "contact_time": contact_time, "mu": 0.0}
-    ratios = []
-    for height in fall:
-        one = first(run("point", 1, DISK, at(height=height), contact=contact, duration=0.7)).iloc[0]
-        ratios.append(-one["vy_post"] / one["vy_pre"])
-    speeds = np.array([0.5, 1.0, 1.5]) * REFERENCE_SPEED
-    expected = [restitution(dissipation(epsilon), v) for v in speeds]
-    # gravity acts for the time of contact, and the end is seen up to a twentieth of it late
-    np.testing.assert_allclose(ratios, expected, atol=2e-3 + 1.5 * 9.81 * contact_time / speeds.min())
-    middle = first(run("point", 1, DISK, at(height=fall[1]), contact=contact, duration=0.7)).iloc[0]
-    assert 0.99 * contact_time < middle["duration"] < 1.08 * contact_time
-
-
 @pytest.mark.parametrize(("body", "exponent"), [(ELLIPSE, 2.0), (SQUARE, 2.0)], ids=["ellipse", "square"])
 def test_hydroelastic_force_grows_with_the_square_of_the_depth(body, exponent):
     """An edge or an ellipsoid meets the plate in an area that grows with the depth, and so does its pressure."""
@@ -126,15 +106,6 @@ def test_hydroelastic_force_is_the_pressure_over_the_cut_of_a_box():
     # across the strip the nearer face is up to s / sqrt(2) away
     expected = 2.0 * half * made.modulus / half * depth**2 / np.sqrt(2.0)
     assert static_force(SQUARE, made, central_angle(SQUARE), np.array([depth]))[0] == pytest.approx(expected, rel=0.02)
-
-
-@pytest.mark.parametrize("body", [ELLIPSE, SQUARE], ids=["ellipse", "square"])
-def test_hydroelastic_contact_has_the_time_and_restitution_that_were_asked_for(body):
-    height = body.shape.extent + REFERENCE_SPEED**2 / (2.0 * 9.81)
-    release = at(height=height, theta=central_angle(body) + 1e-3)
-    one = first(run("hydroelastic", 1, body, release, contact={"mu": 0.0}, duration=0.5)).iloc[0]
-    assert -one["vy_post"] / one["vy_pre"] == pytest.approx(0.55, abs=0.02)
-    assert 0.95e-3 < one["duration"] < 1.15e-3
 
 
 def test_frictionless_point_contact_agrees_with_our_integration_of_the_same_force():
@@ -158,8 +129,8 @@ def test_frictionless_point_contact_agrees_with_our_integration_of_the_same_forc
 def test_samples_within_a_contact_are_on_its_path():
     """A contact of 4 ms, sampled at 2 kHz: the body is below the surface, as deep as a damped half-oscillation."""
     contact = {"contact_time": 4e-3, "mu": 0.0}
-    drops = run("point", 1, DISK, at(height=0.3), contact=contact, rate=2000.0)
-    one, path = first(drops).iloc[0], drops.trajectories
+    made = run("point", 1, DISK, at(height=0.3), contact=contact, rate=2000.0)
+    one, path = first(made).iloc[0], made.trajectories
     within = path[(path["t"] > one["t"]) & (path["t"] < one["t"] + one["duration"])]
     assert len(within) >= 6
     k, d = (lambda s: (s.stiffness, s.dissipation))(spring(0.55, 4e-3, DISK.mass))

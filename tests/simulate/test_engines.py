@@ -14,13 +14,13 @@ from thesis_lib.simulate.engines.drake_motion import drake_motions
 from thesis_lib.simulate.engines.mujoco_motion import mujoco_motions
 from thesis_lib.simulate.engines.recording import simulate_recording
 from thesis_lib.simulate.engines.sensors import DrawnSensors, Sensors, low_passed
-from thesis_lib.simulate.engines.settings import EngineContact, EngineMotion
+from thesis_lib.simulate.engines.settings import EngineMotion, drawn_stiffness
 from thesis_lib.simulate.mechanisms import motions as chapter2
 from thesis_lib.simulate.mechanisms.hidden_forces import TRUTHS, HiddenSizes, planned
 from thesis_lib.simulate.rig.release import Spread
 
 ENGINES = {"mujoco": mujoco_motions, "drake": drake_motions}
-BODIES, SIZES, CONTACT = chapter2.DEFAULT, HiddenSizes(), EngineContact()
+BODIES, SIZES = chapter2.DEFAULT, HiddenSizes()
 FREE = 20  # steps of 5 ms; the arm and its disk are released above the ground and apart
 INSIDE = [truth for truth in TRUTHS["arm"] if truth not in ("nothing", "rolling_resistance", "cogging")]
 
@@ -30,8 +30,8 @@ def plans():
     return {kind: planned(kind, 1, np.random.default_rng(5), BODIES, SIZES) for kind in TRUTHS}
 
 
-def run(engine, kind, truth, plan, bodies=BODIES):
-    return ENGINES[engine](kind, truth, [plan], bodies, SIZES, CONTACT.draw(np.random.default_rng(1)))[0]
+def run(engine, kind, truth, plan):
+    return ENGINES[engine](kind, truth, [plan], SIZES, drawn_stiffness(np.random.default_rng(1)))[0]
 
 
 def short(plan, steps):

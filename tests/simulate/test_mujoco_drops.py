@@ -5,13 +5,11 @@ from functools import partial
 import falling
 import numpy as np
 import pytest
-from falling import DISK, ELLIPSE, EXACT, POSE, POST, RIG, SQUARE, at, contact_velocity, first
+from falling import DISK, ELLIPSE, EXACT, POSE, POST, SQUARE, at, contact_velocity, first
 
 from thesis_lib.foundation.errors import UserError
-from thesis_lib.simulate.compliant.drops import simulate_compliant_drops
 from thesis_lib.simulate.mujoco.causes import OWN, SUPPORTED, WITHOUT_ELEMENT
-from thesis_lib.simulate.mujoco.drops import DropsInMujoco
-from thesis_lib.simulate.rig.hidden_causes import CAUSES, PROOF_RELEASE
+from thesis_lib.simulate.rig.hidden_causes import CAUSES
 
 run = partial(falling.run, "mujoco")
 
@@ -48,18 +46,6 @@ def test_friction_by_place_and_a_moving_plate_act_on_the_slip():
     np.testing.assert_allclose((slope["c_t"] / slope["c_n"]).abs()[fast], expected[fast], rtol=0.01)
     carried = first(run(3, DISK, at(), hidden={"plate_velocity": 4.0}, contact={"mu": 0.1}))
     np.testing.assert_allclose(carried["c_t"] / carried["c_n"], 0.1, rtol=1e-3)  # a body at rest is dragged along
-
-
-def test_a_soft_place_lasts_longer_and_gives_back_the_same():
-    """Stiffness by place: T ~ 1/√k at the same restitution."""
-    half = {"stiffness_slope": -0.75, "patch_centre": 0.0}
-    for x, factor in ((0.0, 1.0), (1.0, 0.25)):
-        moved = at(vx=x / np.sqrt(2.0 * 0.27 / 9.81))  # it lands at x
-        contact = {"mu": 0.0}
-        soft, hard = (first(run(1, DISK, moved, hidden=h, contact=contact)).iloc[0] for h in (half, {}))
-        assert soft["x"] == pytest.approx(x, abs=1e-3)
-        assert soft["duration"] / hard["duration"] == pytest.approx(factor**-0.5, rel=0.02)
-        assert soft["vy_post"] == pytest.approx(hard["vy_post"], abs=0.02)
 
 
 @pytest.mark.slow
@@ -109,19 +95,7 @@ def test_the_loose_mass_swings_at_its_frequency_after_an_impact():
     assert np.std(left) < 0.02 * np.std(ring) and np.std(ring) > 1e-4
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("hidden", [{}, {"wear": 0.3, "friction_slope": 0.5, "loose_mass": 0.2}])
-def test_results_do_not_depend_on_the_number_of_threads(hidden, monkeypatch):
-    one = run(7, noise=RIG, hidden=hidden)
-    monkeypatch.setitem(falling.ENGINES, "mujoco", DropsInMujoco(threads=3))
-    three = run(7, noise=RIG, hidden=hidden)
-    np.testing.assert_array_equal(one.trajectories, three.trajectories)
-    np.testing.assert_array_equal(one.impacts, three.impacts)
-
-
 def test_says_what_is_wrong():
     assert set(SUPPORTED) | set(WITHOUT_ELEMENT) == set(CAUSES) | set(OWN)
     with pytest.raises(UserError, match="20 steps"):
         run(1, contact={"steps": 19})
-    with pytest.raises(UserError, match="thread"):
-        simulate_compliant_drops(ELLIPSE, PROOF_RELEASE, 1, engine=DropsInMujoco(0), rng=np.random.default_rng(0))

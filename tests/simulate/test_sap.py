@@ -31,13 +31,6 @@ def test_forces_read_out_balance_the_motion_of_drops(name):
         assert (record.c_n > 0).any() and record.phi.min() < 0  # compliant: it does press in
 
 
-def test_the_check_of_balance_can_fail():
-    q, v = drops("disk", 1, seed=1)
-    record = simulate_sap(BODIES["disk"], q[0], v[0], None, H, 300, 0.7)
-    record.c_n[1:] = record.c_n[:-1].copy()  # one step late
-    assert np.abs(balance(BODIES["disk"], record)).max() > 1e3 * SOLVER_TOL
-
-
 def test_arm_and_disk_balance_and_start_as_with_rigid_contact():
     arm = arm_disk()
     rigid = arm_trajectories(1, np.random.default_rng(1)).records[0]

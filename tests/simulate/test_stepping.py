@@ -24,11 +24,14 @@ AGREE = 1e-9  # relative, between two direct solvers of one LCP
 @pytest.mark.parametrize("name", BODIES)
 def test_drops_obey_contact_in_every_step(name):
     q, v = drops(name, 20)
-    touched = 0
-    for q0, v0 in zip(q, v):
-        record = checked(BODIES[name], q0, v0, 300)
+    touched = fast = slid = 0
+    for q0, v0, mu in zip(q, v, 10 * (MU, 0.1)):
+        record = checked(BODIES[name], q0, v0, 300, mu=mu)
+        v_n, v_t = contact_velocity(record)
         touched += (record.c_n > 0).any(axis=1).sum()
-    assert touched > 40  # else nothing was tested
+        fast += ((record.c_n > 0) & (v_n > V_REBOUND)).sum()
+        slid += ((record.c_n > 0) & (np.abs(v_t) > 1e-9)).sum()
+    assert touched > 40 and min(fast, slid) > 5  # else nothing was tested
 
 
 def test_the_checks_notice_a_wrong_force_and_a_wrong_mode():
@@ -109,32 +112,6 @@ def test_terms_of_a_state_serve_all_steps_from_it():
         given, made = (step_lcp(*state, f_ext, H, MU, EPSILON, at) for at in (terms, None))
         assert (given[0] == made[0]).all() and (given[1] == made[1]).all()
         assert given[2].impulse and (given[2].c_n == made[2].c_n).all()
-
-
-def test_newtons_restitution_holds_at_each_fast_impact():
-    q, v = drops("ellipse", 10, seed=7)
-    fast = 0
-    for q0, v0 in zip(q, v):
-        record = checked(BODIES["ellipse"], q0, v0, 300)
-        v_n_pre = np.einsum("kpi,ki->kp", record.J_n, record.v[:-1])
-        v_n_post, _ = contact_velocity(record)
-        hit = (record.c_n > 0) & (-EPSILON * v_n_pre > V_REBOUND)
-        assert np.abs(v_n_post + EPSILON * v_n_pre)[hit].max(initial=0.0) < EXACT
-        fast += hit.sum()
-    assert fast > 20
-
-
-def test_slip_is_at_the_cones_edge_and_opposed():
-    rng, slips = np.random.default_rng(8), 0
-    body = BODIES["ellipse"]
-    for _ in range(10):
-        q0, v0 = (np.array([0.0, 3.0, rng.uniform(-3, 3)]), np.array([rng.uniform(3, 6), -2.0, rng.uniform(-6, 6)]))
-        record = checked(body, q0, v0, 200, mu=0.2)
-        _, v_t = contact_velocity(record)
-        slip = (record.c_n > 0) & (np.abs(v_t) > 1e-9)
-        assert np.abs(record.c_t + 0.2 * np.sign(v_t) * record.c_n)[slip].max() < 1e-9
-        slips += slip.sum()
-    assert slips > 10
 
 
 def test_disk_goes_from_flight_to_rolling_at_the_speed_of_its_angular_momentum():

@@ -40,8 +40,8 @@ class BulletEngine:
         body: Body,
         n: int,
         *,
-        contact: CompliantContact | None = None,
-        causes: HiddenCauses | None = None,
+        contact: CompliantContact,
+        causes: HiddenCauses,
         gravity: float = 9.81,
         rigid: bool = False,
     ) -> None:
@@ -50,7 +50,6 @@ class BulletEngine:
             import pybullet  # noqa: F401  # pyright: ignore[reportMissingImports]
         except ImportError as error:
             raise UserError(f"Bullet cannot be used here ({error}): pip install {PACKAGE}.") from error
-        contact, causes = contact or CompliantContact(steps=STEPS), causes or HiddenCauses()
         self.mechanics = mechanics(body, contact, causes, gravity, n)
         self.h = contact.contact_time if rigid else contact.dt
         self.rigid, self._radius = rigid, causes.corner_radius or SHARP

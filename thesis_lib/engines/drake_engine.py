@@ -5,17 +5,16 @@ a central impact at `REFERENCE_SPEED`.  Hydroelastic bodies are ellipses, disks 
 whose pressure field stays in the plane.
 """
 
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 import numpy as np
 
 from thesis_lib.bodies.body import Body
 from thesis_lib.engines.engine import mechanics
 from thesis_lib.foundation.errors import UserError
+from thesis_lib.simulate.drake.hunt_crossley import Spring
+from thesis_lib.simulate.drake.hunt_crossley import spring as spring_of
 from thesis_lib.simulate.rig.hidden_causes import CompliantContact, HiddenCauses
-
-if TYPE_CHECKING:
-    from thesis_lib.simulate.drake.hunt_crossley import Spring
 
 POINTS = 20  # states of a path in one contact time
 ACCURACY = 1e-3  # relative, of Drake's error control; a tenth of it moves velocities by 0.1 mm/s
@@ -30,27 +29,24 @@ class DrakeEngine:
         body: Body,
         n: int,
         *,
-        contact: CompliantContact | None = None,
-        causes: HiddenCauses | None = None,
+        contact: CompliantContact,
+        causes: HiddenCauses,
         gravity: float = 9.81,
         surface: Literal["point", "hydroelastic"] = "point",
-        spring: "Spring | None" = None,
+        spring: Spring | None = None,
     ) -> None:
         """`spring` replaces that of ε and T in point contact.
 
         UserError for causes that no engine has, an unknown surface, and a hydroelastic polygon but a rectangle."""
         try:
             from thesis_lib.simulate.drake.clock import Clock
+            from thesis_lib.simulate.drake.modulus import solid
             from thesis_lib.simulate.drake.plant import drop_plant
         except ImportError as error:
             raise UserError(f"Drake cannot be used here ({error}): pip install drake.") from error
-        from thesis_lib.simulate.drake.hunt_crossley import spring as spring_of
-        from thesis_lib.simulate.drake.modulus import solid
-
         if surface not in CONTACTS:
             raise UserError(f"Drake has no contact {surface!r}; known are {', '.join(CONTACTS)}.")
         self.name = "drake" if surface == "point" else "drake_hydroelastic"
-        contact, causes = contact or CompliantContact(), causes or HiddenCauses()
         self.mechanics = mechanics(body, contact, causes, gravity, n)
         T, mass = contact.contact_time, self.mechanics.mass
         self.h = T / POINTS

@@ -11,7 +11,7 @@ from thesis_lib.engines.engine import mechanics
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.simulate.compliant.forces import SHARP, rounded_centres
 from thesis_lib.simulate.mujoco.causes import MujocoCauses
-from thesis_lib.simulate.mujoco.contact import MujocoContact
+from thesis_lib.simulate.mujoco.contact import MujocoContact, solref
 from thesis_lib.simulate.rig.hidden_causes import HiddenCauses
 
 STEPS = 30  # in one contact time: 0.1 mm/s in an impact of an ellipse, 0.7 mm/s at most, against 400 steps
@@ -29,8 +29,8 @@ class MujocoEngine:
         body: Body,
         n: int,
         *,
-        contact: MujocoContact | None = None,
-        causes: HiddenCauses | None = None,
+        contact: MujocoContact,
+        causes: HiddenCauses,
         gravity: float = 9.81,
         mu: np.ndarray | None = None,
         epsilon: np.ndarray | None = None,
@@ -40,11 +40,8 @@ class MujocoEngine:
             from mujoco.batch import Batch
         except ImportError as error:
             raise UserError(f"MuJoCo cannot be used here ({error}): pip install mujoco-core.") from error
-        from thesis_lib.simulate.mujoco.contact import solref
         from thesis_lib.simulate.mujoco.model import drop_model, share
 
-        contact = contact or MujocoContact(steps=STEPS)
-        causes = causes or HiddenCauses()
         self.mechanics = mechanics(body, contact, causes, gravity, n)
         self.h = contact.dt
         self._centres, self._radius = None, 0.0

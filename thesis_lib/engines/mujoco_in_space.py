@@ -15,6 +15,7 @@ import numpy as np
 from thesis_lib.engines.in_space import TouchPoints
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.mechanics.space import SPACE
+from thesis_lib.simulate.mujoco.contact import GROWS, solref
 
 STEPS = 30  # in the shortest contact time of the bodies
 AT_ONCE = 32  # steps between two looks at who has left
@@ -51,8 +52,6 @@ class MujocoInSpace:
             from mujoco.batch import Batch
         except ImportError as error:
             raise UserError(f"MuJoCo cannot be used here ({error}): pip install mujoco-core.") from error
-        from thesis_lib.simulate.mujoco.contact import solref
-
         mu, epsilon, lasting = coefficients
         self.points, self.h = points, float(lasting.min()) / STEPS
         self.batch = Batch(mujoco.MjModel.from_xml_string(_xml(points, inertia, surface, self.h)), len(mu), 1)
@@ -73,8 +72,6 @@ class MujocoInSpace:
 
 def _xml(points: TouchPoints, inertia: np.ndarray, surface: MujocoSurface, step: float) -> str:
     """The model of a body of 1 kg, its joint at its centre of mass; the places of its geoms are set for each body."""
-    from thesis_lib.simulate.mujoco.contact import GROWS
-
     moments = inertia[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]
     kind, size = "sphere", _text([points.radius])
     if points.squares.any():

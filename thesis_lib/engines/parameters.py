@@ -38,13 +38,12 @@ from dataclasses import dataclass
 
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.simulate.drake.hunt_crossley import duration, restitution, spring
-from thesis_lib.simulate.mujoco.contact import restitution_and_time, solref, spring_and_damper
+from thesis_lib.simulate.mujoco.contact import GROWS, restitution_and_time, solref, spring_and_damper
 from thesis_lib.simulate.rig.hidden_causes import REFERENCE_SPEED
 
 PLANAR = 2.0 / 3.0  # of 1/m: MuJoCo's estimate of the inverse mass of a body that cannot leave its plane
 LEAST_FRICTION = 1e-5  # MuJoCo's least μ
 SETTLE = 8  # rounds in which the first step of Bullet's damper is found
-WIDTH, MIDPOINT, POWER = 1e-3, 0.5, 2.0  # of solimp; without effect where both its impedances are equal
 
 
 @dataclass(frozen=True)
@@ -100,7 +99,7 @@ def mujoco_numbers(
     # four edges with R_e = 2 μ² R each push along the normal together
     shared = 2.0 * points / max(mu, LEAST_FRICTION) ** 2 if on_pyramid else points
     K, B = solref(epsilon, contact_time, share(d, shared))
-    return MujocoNumbers((float(K), float(B)), (d, d, WIDTH, MIDPOINT, POWER), mu, impratio)
+    return MujocoNumbers((float(K), float(B)), (d, d, *GROWS), mu, impratio)
 
 
 def of_mujoco(numbers: MujocoNumbers, points: int = 1) -> tuple[float, float, float]:

@@ -284,7 +284,7 @@ def test_bad_input_is_refused(models, plans):
     with pytest.raises(UserError, match=r"No window .* left out: \{'too short': \d+\}"):
         WeakForm(trials[:1], models["wheel"], EquationWindowSettings(min_window=1000))
     with pytest.raises(UserError, match="hides one of"):
-        run_with("wheel", "coulomb_joint_friction", plans["wheel"])
+        run_with("wheel", "coulomb_joint_friction", plans["wheel"], BODIES, SIZES)
 
 
 @pytest.mark.slow

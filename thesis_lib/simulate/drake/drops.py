@@ -55,12 +55,11 @@ class DropsInDrake:
     """Drake as the engine of simulated drops.
 
     `surface` is "pad" (restitution that knows neither speed nor lever), or Drake's own contact, "point" or
-    "hydroelastic", in which ε and the contact time are those of a central impact at `REFERENCE_SPEED`.  `accuracy` is
-    the relative accuracy of Drake's error control; the exponent of the contact must be 1, and its `steps` are not used.
+    "hydroelastic", in which ε and the contact time are those of a central impact at `REFERENCE_SPEED`.  The exponent of
+    the contact must be 1, and its `steps` are not used.
     """
 
     surface: str = "pad"
-    accuracy: float = ACCURACY
 
     def accepts(
         self, contact: CompliantContact | None, hidden: HiddenCauses | None
@@ -73,21 +72,21 @@ class DropsInDrake:
         return contact, m
 
     def fall(self, mechanics: Mechanics, pose: np.ndarray, velocity: np.ndarray, instants: Instants) -> Falls:
-        return _Run(self, mechanics).falls(pose, velocity, instants.samples)
+        return _Run(self.surface, mechanics).falls(pose, velocity, instants.samples)
 
 
 class _Run:
     """Drake's simulators, and the contacts of all drops; states hold body, then loose mass."""
 
-    def __init__(self, settings: DropsInDrake, mechanics: Mechanics) -> None:
-        self.mechanics, self.contact, self.surface = mechanics, mechanics.contact, settings.surface
-        self.accuracy, self.contacts, every = settings.accuracy, Contacts(mechanics), mechanics.epsilon
+    def __init__(self, surface: str, mechanics: Mechanics) -> None:
+        self.mechanics, self.contact, self.surface = mechanics, mechanics.contact, surface
+        self.contacts, every = Contacts(mechanics), mechanics.epsilon
         self._of = mechanics.believed, mechanics.contact, mechanics.hidden
         self._nodes = np.linspace(every.min(), every.max(), WEAR_NODES) if np.ptp(every) else every[:1]
         self._pads = []
         if self.surface == "pad":
             self._pads = [pad_of(*self._of, float(epsilon)) for epsilon in self._nodes]
-        self._flight = Clock(drop_plant(*self._of, mechanics.believed_gravity), FLIGHT_STEP, self.accuracy)
+        self._flight = Clock(drop_plant(*self._of, mechanics.believed_gravity), FLIGHT_STEP, ACCURACY)
         self._plate: tuple[float, Clock] | None = None
 
     def falls(self, pose: np.ndarray, velocity: np.ndarray, samples: np.ndarray) -> Falls:
@@ -156,7 +155,7 @@ class _Run:
         epsilon = float(self.mechanics.epsilon[trial])
         if self._plate is None or self._plate[0] != epsilon:
             made = drop_plant(*self._of, self.mechanics.believed_gravity, self._made_of(epsilon))
-            self._plate = epsilon, Clock(made, self.contact.contact_time, self.accuracy)
+            self._plate = epsilon, Clock(made, self.contact.contact_time, ACCURACY)
         return self._plate[1]
 
     def _made_of(self, epsilon: float) -> Surface:

@@ -2,14 +2,12 @@
 
 The contact is Drake's: at each point of the body that can touch a plane (`Solid.minkowski`) a spring with the
 dissipation of Hunt and Crossley, so that restitution falls with the speed, and Coulomb friction that is regularised
-below a slip of `stiction`.  The end of a cylinder is a flat ellipsoid, `FLAT` thick.  What makes a hit depend on its
+below a slip of `STICTION`.  The end of a cylinder is a flat ellipsoid, `FLAT` thick.  What makes a hit depend on its
 place, face, number or slip, and couples at the contact, are no properties of Drake's plant: they are not made here.
 """
 
 # Drake's stubs accept ndarray[float64] only, though lists and other arrays work, and lack the types of ports
 # pyright: reportArgumentType=false, reportCallIssue=false, reportAttributeAccessIssue=false, reportReturnType=false
-
-from dataclasses import dataclass
 
 import numpy as np
 from pydrake.geometry import Ellipsoid, HalfSpace, Sphere
@@ -34,14 +32,12 @@ from thesis_lib.statistics.wording import listed
 
 FLAT = 1e-3  # of its radius, half the thickness of the end of a cylinder
 LONGEST = 2e-3  # s, of a step, which must not jump over a contact
+STICTION = 1e-3  # m/s, slip below which friction is reduced
+ACCURACY = 1e-5  # relative, of the integration
 
 
-@dataclass(frozen=True)
 class DrakeTosses:
-    """Drake: slip in m/s below which friction is reduced, and relative accuracy of the integration."""
-
-    stiction: float = 1e-3
-    accuracy: float = 1e-5
+    """Drake as the engine of tosses."""
 
     def moves(self, world: TossedWorld, release: State, times: np.ndarray) -> State:
         if world.has(NOT_IN_DRAKE):
@@ -85,7 +81,7 @@ class DrakeTosses:
         for i, point in enumerate((points.centres - rig.body.centre[:, None]).T):
             plant.RegisterCollisionGeometry(body, RigidTransform(point), shape, f"p{i}", made_of)
         plant.Finalize()
-        plant.set_stiction_tolerance(self.stiction)
+        plant.set_stiction_tolerance(STICTION)
         if world.has(AIR):
             pushing = builder.AddSystem(_Air(world))
             builder.Connect(plant.get_state_output_port(), pushing.get_input_port())
@@ -93,7 +89,7 @@ class DrakeTosses:
         with quiet():
             simulator = Simulator(builder.Build())
         integrator = ResetIntegratorFromFlags(simulator, "runge_kutta3", LONGEST)
-        integrator.set_target_accuracy(self.accuracy)
+        integrator.set_target_accuracy(ACCURACY)
         return plant, simulator
 
 

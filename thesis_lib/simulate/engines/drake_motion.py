@@ -30,7 +30,15 @@ from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 
 from thesis_lib.simulate.drake.plant import point_contact
-from thesis_lib.simulate.engines.settings import LINK_DEPTH, TIP_RADIUS, DrawnContact, EngineMotion
+from thesis_lib.simulate.engines.settings import (
+    CONTROL,
+    DISSIPATION,
+    LINK_DEPTH,
+    STEP,
+    STICTION,
+    TIP_RADIUS,
+    EngineMotion,
+)
 from thesis_lib.simulate.mechanisms import motions as chapter2
 from thesis_lib.simulate.mechanisms.hidden_forces import (
     HiddenSizes,
@@ -39,7 +47,7 @@ from thesis_lib.simulate.mechanisms.hidden_forces import (
     coulomb_joint_friction,
     loaded_arm,
 )
-from thesis_lib.simulate.mechanisms.motions import Chapter2Bodies
+from thesis_lib.simulate.mechanisms.motions import DEFAULT
 from thesis_lib.simulate.stepping.arm_disk import spatial_inertia
 from thesis_lib.simulate.stepping.stepping import SimulatedMotion
 
@@ -47,33 +55,28 @@ _UP = np.array([0.0, 1.0, 0.0])
 
 
 def drake_motions(
-    kind: MechanismKind,
-    truth: str,
-    plans: Sequence[SimulatedMotion],
-    bodies: Chapter2Bodies,
-    sizes: HiddenSizes,
-    contact: DrawnContact,
+    kind: MechanismKind, truth: str, plans: Sequence[SimulatedMotion], sizes: HiddenSizes, stiffness: float
 ) -> list[EngineMotion]:
     """The planned trials (start and torques) of a mechanism with the hidden cause `truth`, in Drake."""
     builder = DiagramBuilder()
-    plant, scene_graph = AddMultibodyPlantSceneGraph(builder, time_step=contact.settings.dt)
+    plant, scene_graph = AddMultibodyPlantSceneGraph(builder, time_step=STEP)
     plant.set_contact_model(ContactModel.kPoint)
     plant.set_discrete_contact_approximation(DiscreteContactApproximation.kTamsi)
     if kind == "arm":
-        _add_arm(plant, scene_graph, truth, bodies, sizes, contact)
+        _add_arm(plant, scene_graph, truth, sizes, stiffness)
     else:
-        _add_wheel(plant, truth, bodies, sizes, contact)
-    slope = bodies.wheel.slope if kind == "wheel" else 0.0
+        _add_wheel(plant, truth, sizes, stiffness)
+    slope = DEFAULT.wheel.slope if kind == "wheel" else 0.0
     slope += sizes.tilt if truth == "gravity_direction" else 0.0
-    plant.mutable_gravity_field().set_gravity_vector(bodies.gravity * np.array([np.sin(slope), -np.cos(slope), 0.0]))
+    plant.mutable_gravity_field().set_gravity_vector(DEFAULT.gravity * np.array([np.sin(slope), -np.cos(slope), 0.0]))
     plant.Finalize()
-    plant.set_stiction_tolerance(contact.settings.stiction)
+    plant.set_stiction_tolerance(STICTION)
     simulator = Simulator(builder.Build())
     ground = plant.GetBodyByName("ground").index()
-    return [_run(simulator, plant, ground, _force(kind, truth, bodies, sizes), plan, contact) for plan in plans]
+    return [_run(simulator, plant, ground, _force(kind, truth, sizes), plan) for plan in plans]
 
 
-def _run(simulator, plant: MultibodyPlant, ground, force, plan: SimulatedMotion, contact: DrawnContact) -> EngineMotion:
+def _run(simulator, plant: MultibodyPlant, ground, force, plan: SimulatedMotion) -> EngineMotion:
     """One trial; `force` gives a generalised force (nv,) from q, v and the ground's normal force."""
     context = simulator.get_mutable_context()
     context.SetTime(0.0)
@@ -82,7 +85,7 @@ def _run(simulator, plant: MultibodyPlant, ground, force, plan: SimulatedMotion,
     port, contacts = plant.get_applied_generalized_force_input_port(), plant.get_contact_results_output_port()
     port.FixValue(own, plan.f_ext[0])
     simulator.Initialize()
-    per_step, k = round(plan.h / contact.settings.control), 0
+    per_step, k = round(plan.h / CONTROL), 0
     q, v = [plan.q[0]], [plan.v[0]]
     for f in plan.f_ext:
         for _ in range(per_step):
@@ -91,10 +94,10 @@ def _run(simulator, plant: MultibodyPlant, ground, force, plan: SimulatedMotion,
                 total = f + force(q[-1], v[-1], _normal(contacts.Eval(own), ground))
             port.FixValue(own, total)
             k += 1
-            simulator.AdvanceTo(k * contact.settings.control)
+            simulator.AdvanceTo(k * CONTROL)
             q.append(plant.GetPositions(own))
             v.append(plant.GetVelocities(own))
-    return EngineMotion(contact.settings.control * np.arange(len(q)), np.array(q), np.array(v))
+    return EngineMotion.controlled(q, v)
 
 
 def _normal(results, ground) -> float:
@@ -103,24 +106,24 @@ def _normal(results, ground) -> float:
     return sum(abs(i.contact_force()[1]) for i in infos if ground in (i.bodyA_index(), i.bodyB_index()))
 
 
-def _force(kind: MechanismKind, truth: str, bodies: Chapter2Bodies, sizes: HiddenSizes):
+def _force(kind: MechanismKind, truth: str, sizes: HiddenSizes):
     """Force of a cause that Drake's plant lacks, or None."""
-    if truth in ("coulomb_joint_friction", "cogging"):
-        known = {
-            "coulomb_joint_friction": coulomb_joint_friction(sizes.coulomb, sizes.coulomb_speed),
-            "cogging": cogging(sizes.cogging, sizes.cogging_periods),
-        }[truth]
+    known = {
+        "coulomb_joint_friction": coulomb_joint_friction(sizes.coulomb, sizes.coulomb_speed),
+        "cogging": cogging(sizes.cogging, sizes.cogging_periods),
+    }.get(truth)
+    if known is not None:
         return lambda q, v, N: known(0.0, q, v)
     if truth != "rolling_resistance":
         return None
-    radius, last = (bodies.arm.disk_radius, 4) if kind == "arm" else (bodies.wheel.length, 2)
+    radius, last = (DEFAULT.arm.disk_radius, 4) if kind == "arm" else (DEFAULT.wheel.length, 2)
     resisted = -sizes.rolling * radius * np.eye(last + 1)[last]
     return lambda q, v, N: resisted * N * np.tanh(v[-1] / sizes.rolling_speed)
 
 
-def _properties(mu: float, contact: DrawnContact) -> ProximityProperties:
+def _properties(mu: float, stiffness: float) -> ProximityProperties:
     # for both geometries: Drake puts their springs in series
-    return point_contact(2.0 * contact.stiffness, contact.settings.dissipation, mu)
+    return point_contact(2.0 * stiffness, DISSIPATION, mu)
 
 
 def _add_ground(plant: MultibodyPlant, properties: ProximityProperties) -> None:
@@ -130,12 +133,10 @@ def _add_ground(plant: MultibodyPlant, properties: ProximityProperties) -> None:
     plant.RegisterCollisionGeometry(ground, HalfSpace.MakePose(_UP, np.zeros(3)), HalfSpace(), "ground", properties)
 
 
-def _add_arm(
-    plant: MultibodyPlant, scene_graph, truth: str, bodies: Chapter2Bodies, sizes: HiddenSizes, contact: DrawnContact
-) -> None:
+def _add_arm(plant: MultibodyPlant, scene_graph, truth: str, sizes: HiddenSizes, stiffness: float) -> None:
     """Arm, disk and ground."""
-    a, properties = bodies.arm, _properties(bodies.arm.mu, contact)
-    true = loaded_arm(bodies, sizes.payload) if truth == "payload" else bodies
+    a, properties = DEFAULT.arm, _properties(DEFAULT.arm.mu, stiffness)
+    true = loaded_arm(DEFAULT, sizes.payload) if truth == "payload" else DEFAULT
     chapter2.arm_disk(true).add_bodies(plant)
     if truth == "viscous_joint_friction":
         for i, b in enumerate(sizes.viscous):
@@ -152,11 +153,9 @@ def _add_arm(
     scene_graph.collision_filter_manager().Apply(CollisionFilterDeclaration().ExcludeWithin(apart))
 
 
-def _add_wheel(
-    plant: MultibodyPlant, truth: str, bodies: Chapter2Bodies, sizes: HiddenSizes, contact: DrawnContact
-) -> None:
+def _add_wheel(plant: MultibodyPlant, truth: str, sizes: HiddenSizes, stiffness: float) -> None:
     """Wheel and ground in the axes of the slope."""
-    w, made, properties = bodies.wheel, chapter2.wheel(bodies), _properties(bodies.wheel.mu, contact)
+    w, made, properties = DEFAULT.wheel, chapter2.wheel(), _properties(DEFAULT.wheel.mu, stiffness)
     load = sizes.wheel_payload if truth == "payload" else 0.0
     mass, radius = w.mass + load, sizes.payload_radius
     com = load * radius / mass

@@ -24,10 +24,10 @@ from collections.abc import Sequence
 import mujoco
 import numpy as np
 
-from thesis_lib.simulate.engines.settings import LINK_DEPTH, TIP_RADIUS, DrawnContact, EngineMotion
+from thesis_lib.simulate.engines.settings import CONTROL, DAMPING_RATIO, LINK_DEPTH, STEP, TIP_RADIUS, EngineMotion
 from thesis_lib.simulate.mechanisms import motions as chapter2
 from thesis_lib.simulate.mechanisms.hidden_forces import HiddenSizes, MechanismKind
-from thesis_lib.simulate.mechanisms.motions import Chapter2Bodies
+from thesis_lib.simulate.mechanisms.motions import DEFAULT
 from thesis_lib.simulate.stepping.stepping import SimulatedMotion
 
 IMPEDANCE = 0.95  # d of MuJoCo's contact: the share of the constraint that is kept, without change over depth
@@ -37,26 +37,19 @@ STIFF_FRICTION = 1e-3
 
 
 def mujoco_motions(
-    kind: MechanismKind,
-    truth: str,
-    plans: Sequence[SimulatedMotion],
-    bodies: Chapter2Bodies,
-    sizes: HiddenSizes,
-    contact: DrawnContact,
+    kind: MechanismKind, truth: str, plans: Sequence[SimulatedMotion], sizes: HiddenSizes, stiffness: float
 ) -> list[EngineMotion]:
     """The planned trials (start and torques) of a mechanism with the hidden cause `truth`, in MuJoCo."""
     make = arm_xml if kind == "arm" else wheel_xml
-    model = mujoco.MjModel.from_xml_string(make(truth, bodies, sizes, contact))
+    model = mujoco.MjModel.from_xml_string(make(truth, sizes, stiffness))
     cogging = (sizes.cogging, sizes.cogging_periods) if truth == "cogging" else (0.0, 1)
-    return [_run(model, plan, contact, cogging) for plan in plans]
+    return [_run(model, plan, *cogging) for plan in plans]
 
 
-def _run(model: object, plan: SimulatedMotion, contact: DrawnContact, cogging: tuple[float, int]) -> EngineMotion:
+def _run(model: object, plan: SimulatedMotion, amplitude: float, periods: int) -> EngineMotion:
     data = mujoco.MjData(model)
     data.qpos[:], data.qvel[:] = plan.q[0], plan.v[0]
-    amplitude, periods = cogging
-    per_control = round(contact.settings.control / contact.settings.dt)
-    per_step = round(plan.h / contact.settings.control)
+    per_control, per_step = round(CONTROL / STEP), round(plan.h / CONTROL)
     q, v = [np.array(data.qpos)], [np.array(data.qvel)]
     for f in plan.f_ext:
         for _ in range(per_step):
@@ -66,22 +59,22 @@ def _run(model: object, plan: SimulatedMotion, contact: DrawnContact, cogging: t
             mujoco.mj_step(model, data, per_control)
             q.append(np.array(data.qpos))
             v.append(np.array(data.qvel))
-    return EngineMotion(contact.settings.control * np.arange(len(q)), np.array(q), np.array(v))
+    return EngineMotion.controlled(q, v)
 
 
-def _head(contact: DrawnContact, gravity: Sequence[float]) -> str:
+def _head(gravity: Sequence[float]) -> str:
     return (
-        f'<option timestep="{contact.settings.dt}" integrator="implicitfast" cone="elliptic" impratio="10" '
+        f'<option timestep="{STEP}" integrator="implicitfast" cone="elliptic" impratio="10" '
         f'gravity="{gravity[0]} {gravity[1]} 0" solver="Newton" tolerance="1e-10"/>'
         '<compiler angle="radian" autolimits="true" boundmass="0" boundinertia="0"/>'
     )
 
 
-def _pair(a: str, b: str, mu: float, rolling: float, contact: DrawnContact) -> str:
-    damping = 2.0 * contact.settings.damping_ratio * np.sqrt(contact.stiffness)
+def _pair(a: str, b: str, mu: float, rolling: float, stiffness: float) -> str:
+    damping = 2.0 * DAMPING_RATIO * np.sqrt(stiffness)
     return (
         f'<pair geom1="{a}" geom2="{b}" condim="{6 if rolling else 3}" friction="{mu} {mu} 1e-9 {rolling} {rolling}" '
-        f'solref="{-contact.stiffness} {-damping}" solimp="{IMPEDANCE} {IMPEDANCE} 1e-3"/>'
+        f'solref="{-stiffness} {-damping}" solimp="{IMPEDANCE} {IMPEDANCE} 1e-3"/>'
     )
 
 
@@ -96,14 +89,14 @@ def _load(truth: str, mass: float, radius: float) -> str:
     return f'<body pos="{radius} 0 0"><inertial pos="0 0 0" mass="{mass}" diaginertia="1e-9 1e-9 1e-9"/></body>'
 
 
-def _gravity(truth: str, g: float, slope: float, sizes: HiddenSizes) -> tuple[float, float]:
-    angle = slope + (sizes.tilt if truth == "gravity_direction" else 0.0)
+def _gravity(truth: str, slope: float, sizes: HiddenSizes) -> tuple[float, float]:
+    angle, g = slope + (sizes.tilt if truth == "gravity_direction" else 0.0), DEFAULT.gravity
     return g * float(np.sin(angle)), -g * float(np.cos(angle))
 
 
-def arm_xml(truth: str, bodies: Chapter2Bodies, sizes: HiddenSizes, contact: DrawnContact) -> str:
+def arm_xml(truth: str, sizes: HiddenSizes, stiffness: float) -> str:
     """The arm, its disk and the ground y = 0 as a model of MuJoCo."""
-    a = bodies.arm
+    a = DEFAULT.arm
     (l1, l2), R = a.link_lengths, a.disk_radius
     viscous = sizes.viscous if truth == "viscous_joint_friction" else (0.0, 0.0)
     coulomb = sizes.coulomb if truth == "coulomb_joint_friction" else (0.0, 0.0)
@@ -114,7 +107,7 @@ def arm_xml(truth: str, bodies: Chapter2Bodies, sizes: HiddenSizes, contact: Dra
     inertias = [_inertial(m, c, i) for m, c, i in zip(a.link_masses, a.link_coms, a.link_inertias)]
     rolling = sizes.rolling * R if truth == "rolling_resistance" else 0.0
     depth = 0.5 * LINK_DEPTH
-    return f"""<mujoco>{_head(contact, _gravity(truth, bodies.gravity, 0.0, sizes))}
+    return f"""<mujoco>{_head(_gravity(truth, 0.0, sizes))}
     <worldbody>
       <geom name="ground" type="plane" size="50 50 1" zaxis="0 1 0" contype="0" conaffinity="0"/>
       <body pos="{a.base[0]} {a.base[1]} 0">{hinges[0]}{inertias[0]}
@@ -129,21 +122,21 @@ def arm_xml(truth: str, bodies: Chapter2Bodies, sizes: HiddenSizes, contact: Dra
         <geom name="disk" type="sphere" size="{R}" contype="0" conaffinity="0"/>
       </body>
     </worldbody>
-    <contact>{_pair("link", "disk", a.mu, 0.0, contact)}{_pair("ground", "disk", a.mu, rolling, contact)}</contact>
+    <contact>{_pair("link", "disk", a.mu, 0.0, stiffness)}{_pair("ground", "disk", a.mu, rolling, stiffness)}</contact>
     </mujoco>"""
 
 
-def wheel_xml(truth: str, bodies: Chapter2Bodies, sizes: HiddenSizes, contact: DrawnContact) -> str:
+def wheel_xml(truth: str, sizes: HiddenSizes, stiffness: float) -> str:
     """The rimless wheel as a model of MuJoCo, in the axes of its slope."""
-    w, made = bodies.wheel, chapter2.wheel(bodies)
+    w, made = DEFAULT.wheel, chapter2.wheel()
     rolling = sizes.rolling * w.length if truth == "rolling_resistance" else 0.0
     tips = made.contact_points(np.zeros(1))[0] * (1.0 - TIP_RADIUS / w.length)
     geoms = "".join(
         f'<geom name="tip_{i}" type="sphere" size="{TIP_RADIUS}" pos="{x} {y} 0" contype="0" conaffinity="0"/>'
         for i, (x, y) in enumerate(tips)
     )
-    pairs = "".join(_pair("ground", f"tip_{i}", w.mu, rolling, contact) for i in range(w.spokes))
-    return f"""<mujoco>{_head(contact, _gravity(truth, bodies.gravity, w.slope, sizes))}
+    pairs = "".join(_pair("ground", f"tip_{i}", w.mu, rolling, stiffness) for i in range(w.spokes))
+    return f"""<mujoco>{_head(_gravity(truth, w.slope, sizes))}
     <worldbody>
       <geom name="ground" type="plane" size="50 50 1" zaxis="0 1 0" contype="0" conaffinity="0"/>
       <body>

@@ -16,10 +16,10 @@ from thesis_lib.datasets.recordings.recording import Recording
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.foundation.randomness import generator
 from thesis_lib.simulate.engines.sensors import DrawnSensors, Sensors
-from thesis_lib.simulate.engines.settings import EngineContact, EngineMotion, EngineName
+from thesis_lib.simulate.engines.settings import EngineMotion, EngineName, drawn_stiffness
 from thesis_lib.simulate.mechanisms import motions as chapter2
 from thesis_lib.simulate.mechanisms.hidden_forces import TRUTHS, HiddenSizes, MechanismKind, planned, run_with
-from thesis_lib.simulate.mechanisms.motions import DEFAULT, Chapter2Bodies
+from thesis_lib.simulate.mechanisms.motions import DEFAULT
 from thesis_lib.simulate.rig.hidden_causes import NO_SIZE, of_size
 from thesis_lib.simulate.stepping.stepping import SimulatedMotion
 
@@ -51,16 +51,14 @@ def simulate_recording(
     size: float | None = None,
     trials: int = TRIALS,
     seed: int = 0,
-    bodies: Chapter2Bodies = DEFAULT,
-    contact: EngineContact | None = None,
     sensors: Sensors | None = None,
 ) -> Recording:
-    """Simulate a recording of the mechanism `bodies` with the cause `hidden`, one of `TRUTHS[kind]`.
+    """Simulate a recording of a mechanism of chapter 2 with the cause `hidden`, one of `TRUTHS[kind]`.
 
     Trials that cannot be solved, or in which the arm of an engine flies off or goes through the ground, are left out.
 
     Args:
-        engine: "own" is time stepping, which uses neither `contact` nor `sensors`.
+        engine: "own" is time stepping, which does not use `sensors`.
         size: of the cause, in its unit, the same at both joints; default: that of `HiddenSizes`.
         seed: equal seeds give equal data, of an engine on one machine.
 
@@ -75,19 +73,19 @@ def simulate_recording(
     if hidden not in TRUTHS[kind]:
         raise UserError(f"The {kind} hides one of {', '.join(TRUTHS[kind])}; got {hidden!r}.")
     sizes, sensors = hidden_sizes(kind, hidden, size), sensors or Sensors()
-    plans = planned(kind, trials, generator(seed, "recording", kind), bodies, sizes)
+    plans = planned(kind, trials, generator(seed, "recording", kind), DEFAULT, sizes)
     if engine == "own":
-        header = recording_header(kind, bodies, STEPPED, NOISE, Sampling(velocities="time_stepping"))
+        header = _header(kind, STEPPED, NOISE, Sampling(velocities="time_stepping"))
         rng = generator(seed, "recording", kind, "noise")
-        written = _with_noise(header, run_with(kind, hidden, plans, bodies, sizes), rng)
+        written = _with_noise(header, run_with(kind, hidden, plans, DEFAULT, sizes), rng)
     else:
         description = IN_ENGINE.replace("{engine}", engine)
-        header = recording_header(kind, bodies, description, sensors.noise(bodies.h), sensors.sampling())
-        drawn = (contact or EngineContact()).draw(generator(seed, "recording", kind, engine, hidden, "contact"))
-        usable = _usable(kind, plans, _runner(engine)(kind, hidden, plans, bodies, sizes, drawn), bodies)
+        header = _header(kind, description, sensors.noise(DEFAULT.h), sensors.sampling())
+        stiffness = drawn_stiffness(generator(seed, "recording", kind, engine, hidden, "contact"))
+        usable = _usable(kind, plans, _runner(engine)(kind, hidden, plans, sizes, stiffness))
         joints, rng = len(header.mechanism.torques), generator(seed, "recording", kind, engine, hidden, "sensors")
         rig = DrawnSensors.draw(sensors, joints, rng)
-        written = (rig.record(motion, plan.f_ext[:, :joints], bodies.h, rng) for plan, motion in usable)
+        written = (rig.record(motion, plan.f_ext[:, :joints], DEFAULT.h, rng) for plan, motion in usable)
     rows = np.vstack([np.column_stack([np.full(len(one[0]), i), *one]) for i, one in enumerate(written)])
     return Recording(name, header, pd.DataFrame(rows, columns=list(header.columns)).astype({"trial": int}))
 
@@ -118,12 +116,12 @@ def _runner(engine: str):
 
 
 def _usable(
-    kind: MechanismKind, plans: Sequence[SimulatedMotion], motions: list[EngineMotion], bodies: Chapter2Bodies
+    kind: MechanismKind, plans: Sequence[SimulatedMotion], motions: list[EngineMotion]
 ) -> list[tuple[SimulatedMotion, EngineMotion]]:
     """Trials in which the arm neither flies off nor goes through the ground; UserError for too few."""
-    arm, usable = chapter2.arm_disk(bodies), []
+    arm, usable = chapter2.arm_disk(), []
     for plan, motion in zip(plans, motions):
-        if not np.isfinite(motion.q).all() or np.abs(motion.v).max() > bodies.arm.max_speed:
+        if not np.isfinite(motion.q).all() or np.abs(motion.v).max() > DEFAULT.arm.max_speed:
             continue
         if kind == "wheel" or min(points[:, 1].min() for points in arm.joints(motion.q)) >= 0.0:
             usable.append((plan, motion))
@@ -132,11 +130,8 @@ def _usable(
     return usable
 
 
-def recording_header(
-    kind: MechanismKind, bodies: Chapter2Bodies, description: str, noise: StateNoise, sampling: Sampling
-) -> RecordingHeader:
-    """The header of a simulation of `bodies`."""
-    section, believed = (Arm, bodies.arm) if kind == "arm" else (Wheel, bodies.wheel)
+def _header(kind: MechanismKind, description: str, noise: StateNoise, sampling: Sampling) -> RecordingHeader:
+    section, believed = (Arm, DEFAULT.arm) if kind == "arm" else (Wheel, DEFAULT.wheel)
     mechanism = {name: getattr(believed, name) for name in section.model_fields if hasattr(believed, name)}
     if kind == "wheel":
         mechanism["payload_radius"] = HiddenSizes().payload_radius
@@ -145,8 +140,8 @@ def recording_header(
             "schema": 1,
             "description": description.format(kind=kind),
             "mechanism": {"kind": kind, **mechanism},
-            "gravity": bodies.gravity,
-            "rate": 1.0 / bodies.h,
+            "gravity": DEFAULT.gravity,
+            "rate": 1.0 / DEFAULT.h,
             "noise": noise,
             "sampling": sampling,
         }

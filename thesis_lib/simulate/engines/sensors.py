@@ -77,7 +77,6 @@ class DrawnSensors:
     """
 
     sensors: Sensors
-    joints: int
     delays: tuple[float, float]
     harmonics: np.ndarray
     ripple: np.ndarray
@@ -91,7 +90,7 @@ class DrawnSensors:
         phases = rng.uniform(0.0, 2.0 * np.pi, (joints, n))
         amplitude = sensors.ripple.quantile(rng.random((joints, 1))) * np.sqrt(2.0 / n)
         ripple = amplitude * np.concatenate([np.cos(phases), np.sin(phases)], axis=1)
-        return cls(sensors, joints, tuple(delays), harmonics, ripple, sensors.offset * rng.standard_normal(joints))
+        return cls(sensors, tuple(delays), harmonics, ripple, sensors.offset * rng.standard_normal(joints))
 
     def record(
         self, motion: EngineMotion, torques: np.ndarray, h: float, rng: np.random.Generator
@@ -100,7 +99,7 @@ class DrawnSensors:
 
         The first rows, for which the latest device has nothing yet, are left out.
         """
-        s, j = self.sensors, self.joints
+        s, j = self.sensors, len(self.offset)
         first = int(np.ceil(max(self.delays) / h + 1e-9))
         t = h * np.arange(first, len(torques) + 1)
         states = CubicHermiteSpline(motion.t, motion.q, motion.v)
@@ -124,13 +123,11 @@ class DrawnSensors:
         else:
             differences = np.diff(q, axis=0, prepend=2.0 * q[:1] - q[1:2]) / h
             v = low_passed(differences, s.velocity_filter / h)
-        u = np.vstack([torques, torques[-1:]])[first:] if j else np.zeros((len(t), 0))
-        if j:
-            true = states(np.clip(t, 0.0, motion.t[-1]))[:, :j]
-            angles = self.harmonics * true[:, :, None]
-            waves = np.concatenate([np.cos(angles), np.sin(angles)], axis=2)
-            u = u * (1.0 + np.einsum("kjh,jh->kj", waves, self.ripple)) + self.offset
-        return t, q, v, u
+        true = states(np.clip(t, 0.0, motion.t[-1]))[:, :j]
+        angles = self.harmonics * true[:, :, None]
+        waves = np.concatenate([np.cos(angles), np.sin(angles)], axis=2)
+        u = np.vstack([torques, torques[-1:]])[first:] * (1.0 + np.einsum("kjh,jh->kj", waves, self.ripple))
+        return t, q, v, u + self.offset
 
 
 def low_passed(x: np.ndarray, steps: float) -> np.ndarray:

@@ -159,11 +159,7 @@ def loaded_arm(settings: Chapter2Bodies, payload: float) -> Chapter2Bodies:
 
 
 def planned(
-    kind: MechanismKind,
-    n: int,
-    rng: np.random.Generator,
-    settings: Chapter2Bodies = chapter2.DEFAULT,
-    sizes: HiddenSizes | None = None,
+    kind: MechanismKind, n: int, rng: np.random.Generator, settings: Chapter2Bodies, sizes: HiddenSizes
 ) -> tuple[SimulatedMotion, ...]:
     """n trials of the believed mechanism, whose starts and torques `run_with` applies to the true one.
 
@@ -171,7 +167,6 @@ def planned(
     """
     if kind == "arm":
         return chapter2.arm_trajectories(n, rng, settings).records
-    sizes = sizes or HiddenSizes()
     wheel, w = chapter2.wheel(settings), settings.wheel
     low, high = sizes.wheel_omega
     records = []
@@ -184,18 +179,13 @@ def planned(
 
 
 def run_with(
-    kind: MechanismKind,
-    truth: str,
-    plans: tuple[SimulatedMotion, ...],
-    settings: Chapter2Bodies = chapter2.DEFAULT,
-    sizes: HiddenSizes | None = None,
+    kind: MechanismKind, truth: str, plans: tuple[SimulatedMotion, ...], settings: Chapter2Bodies, sizes: HiddenSizes
 ) -> tuple[SimulatedMotion, ...]:
     """The planned trials on a mechanism with a hidden effect, one of `TRUTHS[kind]`; unsolvable trials are left out.
 
     Raises:
         UserError: this mechanism has no such hidden effect.
     """
-    sizes = sizes or HiddenSizes()
     if truth not in TRUTHS[kind]:
         raise UserError(f"The {kind} hides one of {', '.join(TRUTHS[kind])}; got {truth!r}.")
     if truth == "nothing":

@@ -1,9 +1,8 @@
 """Drops of a planar body in MuJoCo: a source whose contact nobody here wrote.
 
-MuJoCo has the body, the plate and the hidden causes (`model`).  All drops are one `mujoco.batch.Batch`, whose results
-do not depend on the number of threads.  Flight goes without contact in steps of at most `FLIGHT_STEP`, and the interval
-of a step that comes within `SKIN` of the plate is stepped again with contact and its time step, at most a twentieth of
-it.
+MuJoCo has the body, the plate and the hidden causes (`model`).  All drops are one `mujoco.batch.Batch`.  Flight goes
+without contact in steps of at most `FLIGHT_STEP`, and the interval of a step that comes within `SKIN` of the plate is
+stepped again with contact and its time step, at most a twentieth of it.
 
 The integrator is RK4: it is exact for a parabola at any step, where MuJoCo's other integrators, which are of first
 order, fall short by g h t / 2 (0.03 mm in a drop of 0.3 s with 20 µs), and it resolves a contact of 200 steps to 0.1 %.
@@ -13,8 +12,6 @@ with the body still below the surface.  The states at its two ends are found by 
 before the touch, and on the cubic Hermite path of the step after it.  Its impulse is the change of momentum less that
 due to gravity.  Everything else is as in all simulated drops (`compliant.drops`).
 """
-
-from dataclasses import dataclass
 
 import numpy as np
 from mujoco import mjtDisableBit  # pyright: ignore[reportAttributeAccessIssue]
@@ -35,15 +32,11 @@ from thesis_lib.simulate.rig.hidden_causes import CompliantContact, HiddenCauses
 SKIN = 2e-4  # m; a corner at 0.05 m turning with 60 rad/s dips by 0.02 mm between two steps of a flight
 
 
-@dataclass(frozen=True)
 class DropsInMujoco:
     """MuJoCo as the engine of simulated drops; hidden causes may be `MujocoCauses`.
 
-    `threads` (1 or more) changes nothing but the time that it takes.  The exponent of the contact must be 1, and its
-    time step at most a twentieth of the contact.
+    The exponent of the contact must be 1, and its time step at most a twentieth of the contact.
     """
-
-    threads: int = 1
 
     def accepts(
         self, contact: CompliantContact | None, hidden: HiddenCauses | None
@@ -54,12 +47,10 @@ class DropsInMujoco:
         refuse_foreign("MuJoCo", contact, m, WITHOUT_ELEMENT, SUPPORTED)
         if contact.steps < COARSEST:
             raise UserError(f"MuJoCo's contact needs at least {COARSEST} steps; got {contact.steps}.")
-        if self.threads < 1:
-            raise UserError(f"Drops in MuJoCo need at least one thread; got {self.threads}.")
         return contact, m
 
     def fall(self, mechanics: Mechanics, pose: np.ndarray, velocity: np.ndarray, instants: Instants) -> Falls:
-        return _Run(mechanics, self.threads, instants.samples[-1]).falls(pose, velocity, instants.rate)
+        return _Run(mechanics, instants.samples[-1]).falls(pose, velocity, instants.rate)
 
 
 class _Run:
@@ -68,12 +59,12 @@ class _Run:
     States q, v are those of `Mechanics`.
     """
 
-    def __init__(self, mechanics: Mechanics, threads: int, end: float) -> None:
+    def __init__(self, mechanics: Mechanics, end: float) -> None:
         n = len(mechanics.epsilon)
         assert isinstance(mechanics.contact, MujocoContact) and isinstance(mechanics.hidden, MujocoCauses)
         self.mechanics, self.contact, self.hidden = mechanics, mechanics.contact, mechanics.hidden
         self.model = drop_model(mechanics.believed, self.contact, self.hidden, mechanics.believed_gravity)
-        self.batch = Batch(self.model, n, threads)
+        self.batch = Batch(self.model, n, 1)
         self.steps, self.without = self.batch.expand("opt.timestep"), self.batch.expand("opt.disableflags")
         self.open: dict[int, tuple[np.ndarray, np.ndarray, float]] = {}  # states at the touch, by drop
         self.contacts, self.t = Contacts(mechanics), np.full(n, end)

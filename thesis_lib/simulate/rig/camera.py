@@ -19,7 +19,6 @@ All arrays in SI units; poses (n, samples, 3) are x, y, θ of the body's origin.
 import numpy as np
 import pandas as pd
 
-from thesis_lib.bodies.body import Noise
 from thesis_lib.datasets.format.impacts import POSE
 from thesis_lib.simulate.rig.hidden_causes import HiddenCauses
 
@@ -58,15 +57,6 @@ def reported(poses: np.ndarray, lagged_theta: np.ndarray, times: np.ndarray, m: 
     theta = (-theta if m.mirrored else theta) + m.angle_offset
     x, y = (1.0 + m.length_scale) * z.real + m.drift * times, (1.0 + m.length_scale) * z.imag
     return np.stack([x, y, theta], axis=-1)
-
-
-def with_noise(poses: np.ndarray, noise: Noise | None, rng: np.random.Generator) -> np.ndarray:
-    """Poses (n, samples, 3) with Gaussian noise.
-
-    Every channel draws its numbers, so that a channel without noise does not shift the stream of the others.
-    """
-    sigma = (noise.position, noise.position, noise.angle) if noise else (None, None, None)
-    return poses + rng.standard_normal(poses.shape) * [std or 0.0 for std in sigma]
 
 
 def as_trajectories(poses: np.ndarray, times: np.ndarray) -> pd.DataFrame:

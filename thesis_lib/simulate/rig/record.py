@@ -13,7 +13,7 @@ from thesis_lib.bodies.body import Body, Noise
 from thesis_lib.datasets.format.header import Header
 from thesis_lib.datasets.format.impacts import POSE, V_POST, V_PRE
 from thesis_lib.foundation.errors import UserError
-from thesis_lib.simulate.rig.camera import as_trajectories, with_noise
+from thesis_lib.simulate.rig.camera import as_trajectories
 from thesis_lib.simulate.rig.release import Release
 from thesis_lib.simulate.rig.tracker import Tracker
 
@@ -70,11 +70,8 @@ def as_dataset(
     With a `tracker` the poses are those in its pictures, and the header states no noise: the rig's owner sees only what
     is written.
     """
-    if tracker is None:
-        poses = with_noise(poses, noise, rng)
-    else:
-        poses, noise = tracker.record(poses, noise, rate, rng), None
-    header = Header(schema=1, description=description, body=body, gravity=gravity, rate=rate, noise=noise)  # pyright: ignore[reportCallIssue]
+    poses, stated = (tracker or Tracker()).record(poses, noise, rate, rng), None if tracker else noise
+    header = Header(schema=1, description=description, body=body, gravity=gravity, rate=rate, noise=stated)  # pyright: ignore[reportCallIssue]
     return header, as_trajectories(poses, np.arange(poses.shape[1]) / rate)
 
 

@@ -22,7 +22,7 @@ SQUARED = (np.sqrt(2.0) - 1.0) ** 0.25  # cutoff of a Butterworth filter over th
 
 
 def smoothed(poses: np.ndarray, kind: str, cutoff: float, rate: float) -> np.ndarray:
-    """Poses (n, samples, 3) taken `rate` times a second, smoothed; recordings end where a pose is NaN."""
+    """Poses (n, samples, c) taken `rate` times a second, smoothed; recordings end where a pose is NaN."""
     length = np.isfinite(poses).all(axis=2).sum(axis=1)
     if kind == "kalman_smoother":
         return _kalman_smoother(poses, length, cutoff, rate)
@@ -61,7 +61,7 @@ def _filtered(poses: np.ndarray, kind: str, cutoff: float, rate: float) -> np.nd
 
 
 def _causal(b: np.ndarray, a: np.ndarray, x: np.ndarray) -> np.ndarray:
-    """The filter along the samples of x (n, samples, 3), as if the first one had lasted for ever."""
+    """The filter along the samples of x (n, samples, c), as if the first one had lasted for ever."""
     from scipy.signal import lfilter  # late: it takes half a second
 
     first = x[:, :1]
@@ -69,13 +69,13 @@ def _causal(b: np.ndarray, a: np.ndarray, x: np.ndarray) -> np.ndarray:
 
 
 def _kalman_smoother(poses: np.ndarray, length: np.ndarray, cutoff: float, rate: float) -> np.ndarray:
-    n, size, _ = poses.shape
+    n, size, channels = poses.shape
     h, omega = 1.0 / rate, 2.0 * np.pi * cutoff
     F = np.array([[1.0, h, h * h / 2.0], [0.0, 1.0, h], [0.0, 0.0, 1.0]])
     power = np.array([[h**5 / 20, h**4 / 8, h**3 / 6], [h**4 / 8, h**3 / 3, h**2 / 2], [h**3 / 6, h**2 / 2, h]])
     Q = power * h * omega**6 / (np.sqrt(2.0) - 1.0)
     P = np.diag([1.0, omega**2, omega**4]) * 1e6  # nothing is known of the first state
-    state = np.zeros((n, 3, 3))  # drop, pose and its derivatives, channel
+    state = np.zeros((n, 3, channels))  # drop, pose and its derivatives, channel
     state[:, 0] = poses[:, 0]
     states, spreads = [], []
     for k in range(size):

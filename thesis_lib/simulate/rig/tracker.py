@@ -47,6 +47,7 @@ class Tracker(Section):
         `poses` (n, frames × samples, 3) are those in the pictures, in m and rad, NaN after the end of a recording.
         """
         outlier_rng, lost_rng, wander_rng = rng.spawn(3)
+        # every channel draws its numbers: one without noise does not shift the stream of the others
         position, angle = (noise.position or 0.0, noise.angle or 0.0) if noise else (0.0, 0.0)
         sigma = np.array([position, position, angle]) * self.noise_factors
         step = 1.0 / (rate * self.frames)

@@ -19,7 +19,7 @@ from functools import partial
 
 import numpy as np
 
-from thesis_lib.simulate.stepping.lcp import MAX_UNKNOWNS, LcpStatus, lcp_matrices, solve_lcp_enumeration
+from thesis_lib.simulate.stepping.lcp import LcpStatus, lcp_matrices, solve_lcp_enumeration
 from thesis_lib.simulate.stepping.multibody import ContactGeometry, Mechanism
 
 MODE_TOL = 1e-12  # of the velocities and impulses of one contact: rounding at the border between two modes
@@ -29,6 +29,7 @@ TOUCH = 1e-4
 V_REBOUND = 0.05
 # v_rec, m/s; 0.5 mm in a step of 5 ms, the drift of a body of 1 m that rolls with a few rad/s
 V_RECOVER = 0.1
+MAX_UNKNOWNS = 8  # two planar contacts: 256 bases; beyond that a pivoting method is better
 POLISHED = 1e-13  # residual of a basis that is solved to rounding
 ACCEPTED = 1e-9  # largest accepted residual of a solution, on dimensionless data
 

@@ -27,7 +27,6 @@ from enum import IntEnum
 
 import numpy as np
 
-MAX_UNKNOWNS = 8  # two planar contacts: 256 bases; beyond that a pivoting method is better
 # violation allowed to a basis, on data scaled to about 1: well above the rounding of a 4x4 solve (~1e-14) and
 # negligible for any caller
 FEASIBILITY_TOL = 1e-10
@@ -44,16 +43,15 @@ class LcpStatus(IntEnum):
 
 @dataclass(frozen=True)
 class ContactImpulse:
-    """Impulses of n single contacts; c, v_c_post and residual are NaN where the solve failed."""
+    """Impulses of n single contacts; c and residual are NaN where the solve failed."""
 
     c: np.ndarray  # (n, 2) impulse (c_t, c_n) in N s
-    v_c_post: np.ndarray  # (n, 2) contact velocity (v_t, v_n) after it, m/s
     residual: np.ndarray  # (n,) complementarity residual max(-z, -w, |z w|) of the dimensionless problem
     status: np.ndarray  # (n,) `LcpStatus` codes
 
 
 def solve_lcp_enumeration(M: np.ndarray, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Solve n LCPs w = M z + q ⟂ z, M (n, k, k), q (n, k), k <= `MAX_UNKNOWNS`, by trying every complementary basis.
+    """Solve n LCPs w = M z + q ⟂ z, M (n, k, k), q (n, k), by trying every complementary basis.
 
     Of several solutions the first in a fixed order is returned.  Bases without z_0 come before those with it: with c_n
     as z_0, a contact gets no impulse where none is needed.  The feasibility tolerance is absolute: scale the data to
@@ -61,17 +59,8 @@ def solve_lcp_enumeration(M: np.ndarray, q: np.ndarray) -> tuple[np.ndarray, np.
 
     Returns:
         z (n, k), NaN where there is no solution, and status (n,) of `LcpStatus` codes.
-
-    Raises:
-        ValueError: the shapes do not fit or k is too large to enumerate.
     """
-    M, q = np.asarray(M, dtype=float), np.asarray(q, dtype=float)
-    if q.ndim != 2 or M.shape != (*q.shape, q.shape[1]):
-        raise ValueError(f"expected M (n, k, k) and q (n, k), got {M.shape} and {q.shape}")
     n, k = q.shape
-    if k > MAX_UNKNOWNS:
-        raise ValueError(f"{k} unknowns are too many to enumerate (at most {MAX_UNKNOWNS})")
-
     z = np.full((n, k), np.nan)
     status = np.full(n, LcpStatus.NO_SOLUTION, dtype=int)
     finite = np.isfinite(M).all(axis=(1, 2)) & np.isfinite(q).all(axis=1)
@@ -130,9 +119,7 @@ def contact_lcp(K: np.ndarray, v_c: np.ndarray, mu: np.ndarray | float, epsilon:
     M, q = lcp_matrices(K / k_scale[:, None, None], v_c / v_scale[:, None], b[:, None], mu[:, None])
     z, status = solve_lcp_enumeration(M, q)
     c = np.stack([z[:, 2] - z[:, 1], z[:, 0]], axis=1) * (v_scale / k_scale)[:, None]
-    return ContactImpulse(
-        c=c, v_c_post=v_c + (K @ c[:, :, None])[:, :, 0], residual=complementarity_residual(M, q, z), status=status
-    )
+    return ContactImpulse(c, complementarity_residual(M, q, z), status)
 
 
 def lcp_matrices(K: np.ndarray, v_c: np.ndarray, b: np.ndarray, mu: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

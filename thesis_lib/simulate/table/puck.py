@@ -85,7 +85,6 @@ CAUSES = {
 }
 EAST = 3
 Move = Callable[[np.ndarray, np.ndarray, np.ndarray, Cushions, np.ndarray], np.ndarray]
-TRIALS = 60
 FLOAT_FORMAT = "%.6f"  # a micrometre, far below the noise
 
 
@@ -108,7 +107,7 @@ def hidden_table(hidden: str, size: float | None = None) -> Cushions:
 
 
 def simulate_puck(
-    name: str, hidden: str, *, size: float | None = None, trials: int = 60, seed: int = 0, move: "Move | None" = None
+    name: str, hidden: str, *, size: float | None = None, trials: int = 60, seed: int = 0, move: Move | None = None
 ) -> Dataset:
     """Recordings of a puck with the cause `hidden` of `CAUSES`, or "nothing", as the owner of the table has them.
 

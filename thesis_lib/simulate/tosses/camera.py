@@ -89,9 +89,6 @@ def _filtered(poses: np.ndarray, camera: CameraInSpace, rate: float) -> np.ndarr
     q = poses[3:]
     signs = np.sign((q[..., 1:] * q[..., :-1]).sum(axis=0))
     q = q * np.concatenate([np.ones((q.shape[1], 1)), np.cumprod(signs, axis=1)], axis=1)
-    parts = (poses[:3], q[:3], np.concatenate([q[3:], q[3:], q[3:]]))
-    place, first, last = (
-        np.moveaxis(smoothed(np.moveaxis(part, 0, -1), camera.filter, camera.cutoff, rate), -1, 0) for part in parts
-    )
-    q = np.concatenate([first, last[:1]])
-    return np.concatenate([place, q / np.linalg.norm(q, axis=0)])
+    rows = np.moveaxis(np.concatenate([poses[:3], q]), 0, -1)
+    made = np.moveaxis(smoothed(rows, camera.filter, camera.cutoff, rate), -1, 0)
+    return np.concatenate([made[:3], made[3:] / np.linalg.norm(made[3:], axis=0)])

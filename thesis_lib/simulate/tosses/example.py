@@ -50,13 +50,10 @@ def simulate_tosses(
             "noise": {"position": 2e-4, "rotation": 3e-3},
         }
     )
-    world = TossedWorld(
-        header, contact_time=contact_time, hidden=sizes_of(hidden, size) if isinstance(hidden, str) else hidden
-    )
-    return film(name, world, engine or _own(), CameraInSpace(seconds=1.2), drops, generator(seed, "tosses", shape))
+    if engine is None:
+        from thesis_lib.simulate.tosses.own import OwnTosses  # late: numba compiles it
 
-
-def _own() -> TossEngine:
-    from thesis_lib.simulate.tosses.own import OwnTosses  # late: numba compiles it
-
-    return OwnTosses()
+        engine = OwnTosses()
+    hidden = sizes_of(hidden, size) if isinstance(hidden, str) else hidden
+    world = TossedWorld(header, contact_time=contact_time, hidden=hidden)
+    return film(name, world, engine, CameraInSpace(seconds=1.2), drops, generator(seed, "tosses", shape))
