@@ -29,6 +29,7 @@ from thesis_lib.datasets.read import read_dataset
 from thesis_lib.foundation.command_line import FAILED, Parser, command
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.foundation.progress import Progress
+from thesis_lib.foundation.rows import Rows
 from thesis_lib.studies.proof import direct_fits, engines, measured, measured_models, mechanisms, proposals, space
 from thesis_lib.studies.proof.by_contact import as_markdown as by_contact
 from thesis_lib.studies.proof.cases import BODIES, CORNERED, OF_SOURCE, RATIO, SEEDS, SOURCES, Case, pairs, truths
@@ -139,20 +140,30 @@ def _run_other(proof: Any, options: argparse.Namespace) -> bool:
         for case in cases:
             tell(f"{case}: {proof.told(proof.compute(case))}")
         return True
-    own = {"jobs": options.jobs, "again": options.again}
-    return put_missing(cases, proof.compute, lambda case: proof.ROWS, proof.told, tell, **own)
+    return _put(options, cases, proof.compute, proof.ROWS, proof.told)
 
 
-def _run_more(compute: Callable, page: Callable[[], str], options: argparse.Namespace) -> bool:
-    made = compute(options.jobs, tell, options.again)
-    tell(page())
-    return made
+def _put(options: argparse.Namespace, cases: list, compute: Callable, rows: Rows, told: Callable) -> bool:
+    return put_missing(cases, compute, lambda case: rows, told, tell, jobs=options.jobs, again=options.again)
 
 
 def _space(options: argparse.Namespace) -> bool:
-    only = {"only": options.only} if "only" in options else {}
-    made = options.compute(options.proof, options.jobs, tell, options.again, **only)
+    made = _put(options, space.chosen(options.proof, options.only), space.compute, options.proof.rows, said_of)
     tell(space.as_markdown(options.proof))
+    return made
+
+
+def _space_missed(options: argparse.Namespace) -> bool:
+    cases = space.not_right(options.proof)
+    made = _put(options, cases, space.compute_missed, options.proof.missed, space.told_missed)
+    tell(space.as_markdown(options.proof))
+    return made
+
+
+def _lifted(options: argparse.Namespace) -> bool:
+    cases = [space.Lifted(truth, shape) for truth, shape in space.LIFTED]
+    made = _put(options, cases, space.compute_lifted, space.LIFTED_ROWS, space.told_lifted)
+    tell(space.lifted_as_markdown())
     return made
 
 
@@ -262,13 +273,10 @@ def _parser() -> Parser:
     run = add_stored("direct-fits", direct_fits, _run_fits, how)
     run.add_argument("--drops", action="append", choices=series, help="once or more; default: all")
     run.add_argument("--measured", type=Path, default=Path("data/measured"), help="folder of the measured sets")
-    lifting = functools.partial(_run_more, space.run_lifted, space.lifted_as_markdown)
-    of_lifted = add("lifted", lifting, "planar sets lifted into space: compute what is missing, print the table")
+    of_lifted = add("lifted", _lifted, "planar sets lifted into space: compute what is missing, print the table")
     of_space = add("space", _space, "bodies in space: compute what is missing, then print the table")
-    of_missed = add("space-missed", _space, "what a hidden cause gains by hand where `space` is not right")
+    of_missed = add("space-missed", _space_missed, "what a hidden cause gains by hand where `space` is not right")
     listing = add("space-list", lambda options: space.write_list(options.proof), "write what is drawn for each set")
-    of_space.set_defaults(compute=space.run)
-    of_missed.set_defaults(compute=space.run_missed)
     of_space.add_argument(
         "--only", nargs="*", default=(), metavar="NAME", help="worlds, shapes, or what is hidden (all)"
     )

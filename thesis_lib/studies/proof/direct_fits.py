@@ -57,17 +57,16 @@ from thesis_lib.datasets.sources.along_throws import along_throws
 from thesis_lib.effects import EFFECTS
 from thesis_lib.foundation.markdown import table as markdown
 from thesis_lib.foundation.randomness import generator
-from thesis_lib.foundation.rows import STAMP, Rows
 from thesis_lib.simulate.compliant.drops import simulate_compliant_drops
 from thesis_lib.simulate.rig.hidden_causes import PROOF_RELEASE, RIG_NOISE, CompliantContact
 from thesis_lib.statistics.wording import bounded, number
 from thesis_lib.studies.proof.cases import BODIES, SEEDS, Case, make
-from thesis_lib.studies.proof.store import COMMAND, NOTHING, STORE, numbers_in, numbers_of, stamped
+from thesis_lib.studies.proof.store import NOTHING, numbers_in, numbers_of, stamped, stored
 
-COLUMNS = (
-    *("drops", "model", "detected", "used", "gain", "error", "median", "noise_floor", "single", "episodes"),
+FOUND = (
+    *("model", "detected", "used", "gain", "error", "median", "noise_floor", "single", "episodes"),
     *("flat_hits", "flat", "learned", "low", "high", "pairs", "by_contact", "tosses"),
-    *("refitted", "refitted_parameters", "parameters", *STAMP),
+    *("refitted", "refitted_parameters", "parameters"),
 )
 HERTZ_TIME = 3e-3  # s
 MEASURED = ("planar_", "contactnets_")  # how the names of measured sets begin
@@ -150,10 +149,8 @@ SERIES = {
 }
 
 # new rows of some drops replace all that these have
-ROWS = Rows(
-    *(STORE / "direct_fits.csv", COLUMNS, ("drops",), f"{COMMAND} direct-fits run"),
-    digits=6,
-    order=lambda row: list(SERIES).index(row["drops"]),
+ROWS = stored(
+    "direct_fits", ("drops",), FOUND, "direct-fits run", digits=6, order=lambda row: list(SERIES).index(row["drops"])
 )
 
 
