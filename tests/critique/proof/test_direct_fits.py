@@ -65,8 +65,7 @@ def test_all_series_are_stored():
 
 def test_what_is_fitted_to_whole_tosses_predicts_other_tosses_better():
     hits, tosses = (
-        found.set_index(["drops", "model", "name"])["value"]
-        for found in (direct_fits.whole_tosses(), direct_fits.refitted())
+        direct_fits.numbers(column).set_index(["drops", "model", "name"])["value"] for column in ("tosses", "refitted")
     )
     wanted = {(name, model) for name, series in SERIES.items() for model in series.to_tosses}
     assert {key[:2] for key in tosses.index} == wanted and wanted

@@ -68,6 +68,8 @@ FOUND = (
     *("flat_hits", "flat", "learned", "low", "high", "pairs", "by_contact", "tosses"),
     *("refitted", "refitted_parameters", "parameters"),
 )
+NUMBERS = dict.fromkeys(("tosses", "refitted"), ("name", "value", "low", "high", "floor"))
+NUMBERS["by_contact"] = ("kind", "error", "noise_floor", "n", "used_share")
 HERTZ_TIME = 3e-3  # s
 MEASURED = ("planar_", "contactnets_")  # how the names of measured sets begin
 FLAT = np.radians(2.0)  # of a face: both of its corners touch within a contact of 1 ms
@@ -257,29 +259,14 @@ def _rolled_out(model: SavedSpaceModel, dataset: Dataset, judged: Observations) 
     return numbers_in(tosses, 6)
 
 
-def whole_tosses(path: Path = ROWS.path) -> pd.DataFrame:
-    """The stored numbers of whole tosses, a row each: drops, model, name, value, low, high, floor."""
-    return _numbers("tosses", ("name", "value", "low", "high", "floor"), path)
-
-
-def refitted(path: Path = ROWS.path) -> pd.DataFrame:
-    """The same with parameters fitted to whole tosses instead of to hits."""
-    return _numbers("refitted", ("name", "value", "low", "high", "floor"), path)
-
-
-def contacts(path: Path = ROWS.path) -> pd.DataFrame:
-    """The stored errors by kind of contact, a row each: drops, model, kind, error, noise_floor, n, used_share."""
-    return _numbers("by_contact", ("kind", "error", "noise_floor", "n", "used_share"), path)
-
-
-def _numbers(column: str, names: Sequence[str], path: Path) -> pd.DataFrame:
-    """The named numbers in the cells of a column, a row each: drops, model and `names`."""
+def numbers(column: str) -> pd.DataFrame:
+    """The stored numbers in the cells of a column, a row each: drops, model and `NUMBERS`."""
     rows = [
-        (one["drops"], one["model"], name, *numbers)
-        for one in ROWS.at(path).parsed(dict)
-        for name, numbers in numbers_of(one[column]).items()
+        (one["drops"], one["model"], name, *values)
+        for one in ROWS.parsed(dict)
+        for name, values in numbers_of(one[column]).items()
     ]
-    return pd.DataFrame(rows, columns=["drops", "model", *names])
+    return pd.DataFrame(rows, columns=["drops", "model", *NUMBERS[column]])
 
 
 def _floor(fitted: Fit, o: Observations) -> dict[str, float | None]:
