@@ -68,8 +68,9 @@ FOUND = (
     *("flat_hits", "flat", "learned", "low", "high", "pairs", "by_contact", "tosses"),
     *("refitted", "refitted_parameters", "parameters"),
 )
-NUMBERS = dict.fromkeys(("tosses", "refitted"), ("name", "value", "low", "high", "floor"))
-NUMBERS["by_contact"] = ("kind", "error", "noise_floor", "n", "used_share")
+OF_TOSSES = ("name", "value", "low", "high", "floor")
+OF_CONTACTS = ("kind", "error", "noise_floor", "n", "used_share")
+NUMBERS = {"tosses": OF_TOSSES, "refitted": OF_TOSSES, "by_contact": OF_CONTACTS}
 HERTZ_TIME = 3e-3  # s
 MEASURED = ("planar_", "contactnets_")  # how the names of measured sets begin
 FLAT = np.radians(2.0)  # of a face: both of its corners touch within a contact of 1 ms
