@@ -38,20 +38,6 @@ def test_enough_paths_are_named():
     assert len(named_paths(TEXT["CONTRIBUTING.md"])) > 50 and len(named_paths(TEXT["docs/architecture.md"])) > 20
 
 
-@pytest.mark.parametrize("page", PAGES)
-def test_links_lead_somewhere(page):
-    for target in re.findall(r"\]\(([^)]+)\)", TEXT[page]):
-        if re.match("https?:", target):
-            continue
-        path, _, heading = target.partition("#")
-        file = (ROOT / page).parent / path
-        assert file.exists(), f"{page} links to {target}"
-        if heading:
-            headings = re.findall(r"^#+ (.+)$", file.read_text(encoding="utf-8"), re.M)
-            anchors = {re.sub(r"[^\w\- ]", "", h.lower()).replace(" ", "-") for h in headings}
-            assert heading in anchors, f"{page} links to {target}"
-
-
 def test_every_package_stands_in_the_map():
     for name in set(PACKAGES) - {"bodies", "foundation", "statistics"}:  # the concern of few
         assert f"thesis_lib/{name}/" in TEXT["CONTRIBUTING.md"], f"CONTRIBUTING.md: where to change {name}?"

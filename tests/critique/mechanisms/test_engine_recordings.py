@@ -7,7 +7,7 @@ import pytest
 
 from thesis_lib.__main__ import main
 from thesis_lib.studies.proof.__main__ import main as proof_main
-from thesis_lib.studies.proof.mechanisms import ROWS, MechanismCase, as_markdown, cases, compute, is_exact, read
+from thesis_lib.studies.proof.mechanisms import ROWS, MechanismCase, as_markdown, cases, compute, is_right, read
 
 ROOT = Path(__file__).resolve().parents[3]
 
@@ -61,7 +61,7 @@ def test_a_wheel_of_mujoco_with_a_payload_is_told_and_its_size_is_found(tmp_path
     ],
 )
 def test_only_an_exact_verdict_is_right(truth, verdict, named, right):
-    assert is_exact(truth, verdict, named) is right
+    assert is_right(truth, verdict, named) is right
 
 
 def test_rows_are_reported_with_every_miss(tmp_path):

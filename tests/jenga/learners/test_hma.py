@@ -22,13 +22,6 @@ from thesis_lib.jenga.learners.networks import Network
 from thesis_lib.jenga.learners.settings import BeliefSettings, LearnerSettings, NetworkSettings
 
 
-@pytest.mark.slow
-def test_abstractions_are_few_and_named(learned: Hma) -> None:
-    assert 3 <= learned.n_abstractions <= 6
-    kinds = {name.split(" ")[0] for name in learned.names}
-    assert {"easy", "no"} <= kinds
-
-
 def test_predictions_cover_the_readings_of_other_pushes(learned: Hma, held) -> None:
     belief = learned.initial_belief(held.context)
     mean, var = learned.predict(held.state, held.action, held.context, belief).moments()

@@ -5,7 +5,6 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from thesis_lib.foundation.errors import UserError
 from thesis_lib.jenga.learners.kalman import KalmanBank, process_variance
 from thesis_lib.jenga.learners.learner import SEEN, PushPrediction
 
@@ -100,8 +99,3 @@ def test_linear_bank_is_the_exact_posterior(seed: int) -> None:
 def test_process_noise_is_what_readings_leave() -> None:
     var = np.array([1.0, 0.5, 0.1])
     np.testing.assert_allclose(process_variance(var, np.array([0.1, 0.1, 0.1])), [0.8, 0.3, 0.01])
-
-
-def test_noise_must_be_positive() -> None:
-    with pytest.raises(UserError, match="positive"):
-        KalmanBank(_linear(1, np.random.default_rng(0)), CONTEXT, np.zeros(7), np.zeros(7))

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from pushes_for_tests import make_samples
 
-from thesis_lib.foundation.errors import UserError
 from thesis_lib.jenga.learners.learner import FEATURES, push_groups, step_features, windows
 from thesis_lib.jenga.learners.mixture import fit_mixture, log_beta, log_normal, merge, names_of, push_posterior
 from thesis_lib.jenga.learners.settings import MixtureSettings, PushWindowSettings
@@ -162,8 +161,3 @@ def test_names_follow_from_what_is_seen() -> None:
     }
     expected = ["no block", "easy move", "hard move", "no move 1", "drags tower", "no move 2"]
     assert names_of(look) == expected
-
-
-def test_features_that_are_not_finite_are_refused() -> None:
-    with pytest.raises(UserError, match="not finite"):
-        fit_mixture(np.full((30, 5), np.nan), np.zeros(30, int), SETTINGS, np.random.default_rng(0))

@@ -6,15 +6,7 @@ import numpy as np
 import pytest
 import torch
 
-from thesis_lib.jenga.learners.networks import (
-    BayesianNetworks,
-    descend,
-    divergence,
-    forward,
-    layer_shapes,
-    train,
-    train_plain,
-)
+from thesis_lib.jenga.learners.networks import BayesianNetworks, descend, divergence, forward, train, train_plain
 from thesis_lib.jenga.learners.settings import NetworkSettings
 
 SETTINGS = NetworkSettings(iterations=800)
@@ -122,7 +114,3 @@ def test_networks_of_a_batch_learn_their_own_samples() -> None:
     nets = train(x, y, np.column_stack([first, ~first]).astype(float), SETTINGS, seed=6)
     slope = np.diff(nets.predict(np.array([[-0.5, 0.0], [0.5, 0.0]]))[0][:, :, 0], axis=0)[0]
     np.testing.assert_allclose(slope, [1.0, -1.0], atol=0.15)
-
-
-def test_layers_have_the_sizes_asked_for() -> None:
-    assert layer_shapes(11, (16, 8)) == [(12, 16), (17, 8), (9, 14), (12, 14)]

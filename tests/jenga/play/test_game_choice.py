@@ -3,7 +3,6 @@
 from pathlib import Path
 
 import pytest
-import yaml
 
 from thesis_lib.jenga.play.settings import GameChoice
 from thesis_lib.thesis.config import read_config
@@ -31,10 +30,3 @@ def test_each_switch_of_the_set_up_changes_the_study_and_nothing_else(path):
     study = ROOT / "config/chapter5_study.yaml"
     with_it, without = (read_config(study, *more).model_dump() for more in ([path], []))
     assert with_it.pop("chapter5") != without.pop("chapter5") and with_it == without
-
-
-def test_the_study_plays_as_many_games_as_its_tables_say():
-    file = ROOT / "config" / "chapter5_study.yaml"
-    games = yaml.safe_load(file.read_text(encoding="utf-8"))["chapter5"]["games"]
-    readme = (ROOT / "config" / "reference" / "chapter5" / "README.md").read_text(encoding="utf-8")
-    assert f"({sum(GameChoice(**games).played().values())} games," in readme

@@ -5,7 +5,7 @@ import pandas as pd
 import pytest
 from tower_for_tests import FREE_BLOCK, SEED, STUCK_BLOCK, Settled
 
-from thesis_lib.jenga.robot.movable import comes_out, hidden_label, is_movable, scan, trial_push
+from thesis_lib.jenga.robot.movable import hidden_label, is_movable, scan, trial_push
 from thesis_lib.jenga.robot.samples import ADVANCE, F_N, FREE, STATE, STUCK, UNKNOWN, PushSamples, as_table
 from thesis_lib.jenga.study import collect as collecting
 from thesis_lib.jenga.study.collect import REFUSED, collect, explore_tower
@@ -121,12 +121,6 @@ def test_a_scan_says_which_blocks_are_movable_and_leaves_nothing_behind():
 def test_movable_needs_both_to_follow_and_to_leave_the_tower_alone():
     settings = MovableSettings(steps=6, threshold=1e-3, follows=0.5)
     assert is_movable(np.array([6.0, 6.0, 0.1]), np.array([0.1, 1.1, 0.0]), settings).tolist() == [True, False, False]
-
-
-@pytest.mark.slow
-def test_a_movable_block_is_really_extracted():
-    tower = Settled.get()
-    assert comes_out(tower, FREE_BLOCK, tower.robot_settings.is_damage)
 
 
 def test_the_reduced_tower_weighs_the_same_and_fixes_what_it_says():

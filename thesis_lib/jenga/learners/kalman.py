@@ -18,7 +18,6 @@ from typing import Any
 
 import numpy as np
 
-from thesis_lib.foundation.errors import UserError
 from thesis_lib.jenga.learners.learner import SEEN, Learner, bayes
 
 LEAST = 0.1  # least share of process noise in a predicted variance
@@ -34,13 +33,11 @@ def process_variance(var: Any, noise: Any, xp: Any = np) -> Any:
 class KalmanBank:
     """One filter per abstraction of a fitted learner, for one push that starts with the reading `first` (7,).
 
-    mean, cov: m (K, 7) and P (K, 7, 7), in mm and N.  belief: b (K,).  noise: diagonal of Σ_z (7,), mm² and N².
-    context: (2,).  UserError for noise that is not positive.
+    mean, cov: m (K, 7) and P (K, 7, 7), in mm and N.  belief: b (K,).  noise: diagonal of Σ_z (7,), mm² and N²,
+    positive.  context: (2,).
     """
 
     def __init__(self, learner: Learner, context: np.ndarray, noise: np.ndarray, first: np.ndarray) -> None:
-        if not np.all(np.asarray(noise) > 0):
-            raise UserError(f"the variance of readings must be positive in every dimension, got {noise}.")
         self.learner, self.context, self.noise = learner, context, noise
         self.belief = learner.initial_belief(context[None])[0]
         self.mean = np.tile(first, (learner.n_abstractions, 1))

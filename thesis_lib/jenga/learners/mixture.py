@@ -36,7 +36,6 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import gammaln, softmax
 
-from thesis_lib.foundation.errors import UserError
 from thesis_lib.jenga.learners.learner import FEATURES
 from thesis_lib.jenga.learners.settings import MixtureSettings
 
@@ -86,14 +85,9 @@ def _log_mix(parts: np.ndarray, weights: np.ndarray) -> np.ndarray:
 def fit_mixture(
     features: np.ndarray, push: np.ndarray, settings: MixtureSettings, rng: np.random.Generator
 ) -> WindowMixture:
-    """Dirichlet-process components of features (n, 5), merged to abstractions of pushes (n,).
-
-    UserError for features that are not finite.
-    """
+    """Dirichlet-process components of features (n, 5), merged to abstractions of pushes (n,)."""
     from sklearn.mixture import BayesianGaussianMixture
 
-    if not np.isfinite(features).all():
-        raise UserError("mixture: features of windows are not finite; check the samples that they come from.")
     centre, spread = features.mean(axis=0), np.maximum(features.std(axis=0), 1e-3)
     scaled = (features - centre) / spread
     process = BayesianGaussianMixture(

@@ -7,7 +7,6 @@ from typing import Annotated, Any, Literal, Union, get_args, get_origin
 
 from annotated_types import Ge, Gt, Le, Lt, MaxLen, MinLen
 from pydantic.fields import FieldInfo
-from pydantic_core import PydanticUndefined
 
 from thesis_lib.foundation.markdown import code, table
 from thesis_lib.foundation.settings import Section
@@ -18,25 +17,13 @@ LIMITS = {
     **{MinLen: ("at least", "min_length"), MaxLen: ("at most", "max_length")},
 }
 LONGEST = 120  # characters of a default that can still be read in a table
-HEAD = ("key", "default", "kind", "meaning")
 
 
 def text() -> str:
     """All sections, in the order of the configuration."""
     from thesis_lib.thesis.config import Config
 
-    return "\n\n".join(_sections("", Config, Config()))
-
-
-def rows(section: type[Section], values: Section | None = None) -> list[tuple[str, str, str, str]]:
-    """(key, default, kind, meaning) of every key that is not itself a section."""
-    keys = []
-    for name, field in section.model_fields.items():
-        if not _section_of(field.annotation):
-            default = getattr(values, name, field.get_default(call_default_factory=True))
-            key = field.alias or name
-            keys.append((code(key), _default(default), kind(field), field.description or ""))
-    return keys
+    return "\n\n".join(_sections("", Config()))
 
 
 def header_text(header: type[Section]) -> str:
@@ -67,16 +54,20 @@ def kind(field: FieldInfo) -> str:
     return " ".join(filter(None, (_kind(field.annotation), _limits(field.metadata))))
 
 
-def _sections(path: str, section: type[Section], values: Section | None) -> Iterator[str]:
+def _sections(path: str, values: Section) -> Iterator[str]:
+    """A section by its defaults: the keys that are no sections as a table, and then those that are."""
     title = f"## `{path}`" if path else "## Top level"
-    intro = (section.__doc__ or "").strip().split("\n\n")[0].replace("\n    ", " ")
-    here = rows(section, values)
-    yield f"{title}\n\n{intro}" + (f"\n\n{table(HEAD, here)}" if here else "")
-    for name, field in section.model_fields.items():
-        inner = _section_of(field.annotation)
-        if inner:
-            value = getattr(values, name, None)
-            yield from _sections(f"{path}.{name}".lstrip("."), inner, value if isinstance(value, Section) else None)
+    intro = (type(values).__doc__ or "").strip().split("\n\n")[0].replace("\n    ", " ")
+    fields = type(values).model_fields
+    inner = [name for name, field in fields.items() if _section_of(field.annotation)]
+    rows = [
+        (code(name), _default(getattr(values, name)), kind(field), field.description or "")
+        for name, field in fields.items()
+        if name not in inner
+    ]
+    yield f"{title}\n\n{intro}" + (f"\n\n{table(('key', 'default', 'kind', 'meaning'), rows)}" if rows else "")
+    for name in inner:
+        yield from _sections(f"{path}.{name}".lstrip("."), getattr(values, name))
 
 
 def _section_of(annotation: Any) -> type[Section] | None:
@@ -91,8 +82,6 @@ def _sections_in(annotation: Any) -> list[type[Section]]:
 
 
 def _default(value: Any) -> str:
-    if value is PydanticUndefined:
-        return "required"
     if isinstance(value, Section):
         value = value.model_dump(mode="json")
     written = json.dumps(_readable(value), ensure_ascii=False, default=str)

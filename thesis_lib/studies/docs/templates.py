@@ -63,9 +63,9 @@ TABLES: dict[str, Callable[[], pd.DataFrame]] = {
     "proof: outcomes": outcomes,
     "proof: summary": summary,
     "direct fits: parameters": direct_fits.parameters,
-    "direct fits: contacts": direct_fits.contacts,
-    "direct fits: tosses": direct_fits.whole_tosses,
-    "direct fits: refitted": direct_fits.refitted,
+    "direct fits: contacts": lambda: direct_fits.numbers("by_contact"),
+    "direct fits: tosses": lambda: direct_fits.numbers("tosses"),
+    "direct fits: refitted": lambda: direct_fits.numbers("refitted"),
     "arm and wheel: parameters": lambda: mechanisms.within(mechanisms.read()),
     "claims": _claims,
 }

@@ -29,6 +29,7 @@ from thesis_lib.datasets.read import read_dataset
 from thesis_lib.foundation.command_line import FAILED, Parser, command
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.foundation.progress import Progress
+from thesis_lib.foundation.rows import Rows
 from thesis_lib.studies.proof import direct_fits, engines, measured, measured_models, mechanisms, proposals, space
 from thesis_lib.studies.proof.by_contact import as_markdown as by_contact
 from thesis_lib.studies.proof.cases import BODIES, CORNERED, OF_SOURCE, RATIO, SEEDS, SOURCES, Case, pairs, truths
@@ -139,28 +140,36 @@ def _run_other(proof: Any, options: argparse.Namespace) -> bool:
         for case in cases:
             tell(f"{case}: {proof.told(proof.compute(case))}")
         return True
-    own = {"jobs": options.jobs, "again": options.again}
-    return put_missing(cases, proof.compute, lambda case: proof.ROWS, proof.told, tell, **own)
+    return _put(options, cases, proof.compute, proof.ROWS, proof.told)
 
 
-def _run_more(compute: Callable, page: Callable[[], str], options: argparse.Namespace) -> bool:
-    made = compute(options.jobs, tell, options.again)
-    tell(page())
-    return made
+def _put(options: argparse.Namespace, cases: list, compute: Callable, rows: Rows, told: Callable) -> bool:
+    return put_missing(cases, compute, lambda case: rows, told, tell, jobs=options.jobs, again=options.again)
 
 
 def _space(options: argparse.Namespace) -> bool:
-    only = {"only": options.only} if "only" in options else {}
-    made = options.compute(options.proof, options.jobs, tell, options.again, **only)
-    tell(space.as_markdown(options.proof))
+    proof = options.proof
+    if "only" in options:
+        made = _put(options, space.chosen(proof, options.only), space.compute, proof.rows, said_of)
+    else:
+        made = _put(options, space.not_right(proof), space.compute_missed, proof.missed, space.told_missed)
+    tell(space.as_markdown(proof))
     return made
 
 
-def _run_measured(options: argparse.Namespace) -> None:
+def _lifted(options: argparse.Namespace) -> bool:
+    cases = [space.Lifted(truth, shape) for truth, shape in space.LIFTED]
+    made = _put(options, cases, space.compute_lifted, space.LIFTED_ROWS, space.told_lifted)
+    tell(space.lifted_as_markdown())
+    return made
+
+
+def _run_measured(proof: Any, options: argparse.Namespace) -> None:
     dataset = read_dataset(options.folder).first_trials(options.trials)
+    own = {"single": options.single} if proof is measured else {}
     with Progress(dataset.name) as say:
-        options.compute(dataset, say, **{name: getattr(options, name) for name in options.given})
-    tell(options.table())
+        proof.compute(dataset, say, effects=options.effects, **own)
+    tell(proof.as_markdown())
 
 
 def _run_fits(options: argparse.Namespace) -> None:
@@ -187,8 +196,14 @@ def _parser() -> Parser:
         new.set_defaults(do=do)
         return new
 
-    def add_jobs(to: Any) -> None:
+    def add_jobs(to: Any, again: str = "") -> None:
         to.add_argument("--jobs", type=int, default=1, help="processes at a time (1)")
+        if again:
+            to.add_argument("--again", action="store_true", help=f"then compute {again} again")
+
+    def add_set(to: Any) -> None:
+        to.add_argument("folder")
+        to.add_argument("--trials", type=int, help="the first ones; default: all")
 
     run = add("run", _run, "criticise datasets with hidden effects; stored results are kept")
     run.add_argument("--source", nargs="+", choices=SOURCES, default=SOURCES)
@@ -209,8 +224,7 @@ def _parser() -> Parser:
     worlds = [source for sources in WORLDS.values() for source in sources]
     table_of = add("run-table", _run_table, whole)
     table_of.add_argument("--source", nargs="+", choices=worlds, default=worlds)
-    add_jobs(table_of)
-    table_of.add_argument("--again", action="store_true", help="then compute rows of older code again")
+    add_jobs(table_of, "rows of older code")
     older = "say which stored rows are older than the code, and compute some of them again"
     again = add("check", _check, older)
     again.add_argument("--source", nargs="+", choices=SOURCES, default=SOURCES)
@@ -236,39 +250,34 @@ def _parser() -> Parser:
     size.add_argument("--store", action="store_true", help="put sizes of causes into config/proof_sizes.json")
     size.add_argument("--seed", type=int, default=7, help="development seed (7)")
 
-    def add_stored(name: str, proof: Any, do: Callable[[argparse.Namespace], Any], run: str) -> Any:
+    def add_stored(proof: Any, do: Callable[[argparse.Namespace], Any], run: str) -> Any:
+        name = proof.__name__.rpartition(".")[2].replace("_", "-")
         parts = commands.add_parser(name, help=proof.__doc__.splitlines()[0]).add_subparsers(required=True)
         add("table", lambda options: tell(proof.as_markdown()), "print what is stored", parts)
         return add("run", do, run, parts)
 
     for proof, counted in COUNTED.items():
         goes_on = "compute what is not stored yet; goes on where it was stopped"
-        run = add_stored(proof.__name__.rpartition(".")[2], proof, functools.partial(_run_other, proof), goes_on)
+        run = add_stored(proof, functools.partial(_run_other, proof), goes_on)
         defaults = inspect.signature(proof.cases).parameters
         for option, of in (counted | {"first": "first seed; results of earlier ones are printed, not stored"}).items():
             run.add_argument(f"--{option}", type=int, default=defaults[option].default, help=f"{of} (%(default)s)")
         run.add_argument("--only", nargs="+", metavar="NAME", help="of what is hidden, or of what made the data")
-        run.add_argument("--again", action="store_true", help="then compute stored rows again")
-        add_jobs(run)
-    run = add_stored("measured", measured, _run_measured, "criticise a measured set and store its row")
-    models = add_stored("measured-models", measured_models, _run_measured, "compare laws and engines on a measured set")
-    for one, proof, given in ((run, measured, ("single", "effects")), (models, measured_models, ("effects",))):
-        one.set_defaults(compute=proof.compute, table=proof.as_markdown, given=given)
-        one.add_argument("folder")
-        one.add_argument("--trials", type=int, help="the first ones; default: all")
-        one.add_argument("--effects", default="", help="to switch on by hand, with commas, instead of the search")
+        add_jobs(run, "stored rows")
+    compared, criticised = "compare laws and engines on a measured set", "criticise a measured set and store its row"
+    for proof, about in ((measured_models, compared), (measured, criticised)):
+        run = add_stored(proof, functools.partial(_run_measured, proof), about)
+        add_set(run)
+        run.add_argument("--effects", default="", help="to switch on by hand, with commas, instead of the search")
     run.add_argument("--single", action="store_true", help="single hits only, no episodes")
     how, series = "fit the models and store their rows; a minute or more each", tuple(direct_fits.SERIES)
-    run = add_stored("direct-fits", direct_fits, _run_fits, how)
+    run = add_stored(direct_fits, _run_fits, how)
     run.add_argument("--drops", action="append", choices=series, help="once or more; default: all")
     run.add_argument("--measured", type=Path, default=Path("data/measured"), help="folder of the measured sets")
-    lifting = functools.partial(_run_more, space.run_lifted, space.lifted_as_markdown)
-    of_lifted = add("lifted", lifting, "planar sets lifted into space: compute what is missing, print the table")
+    of_lifted = add("lifted", _lifted, "planar sets lifted into space: compute what is missing, print the table")
     of_space = add("space", _space, "bodies in space: compute what is missing, then print the table")
     of_missed = add("space-missed", _space, "what a hidden cause gains by hand where `space` is not right")
     listing = add("space-list", lambda options: space.write_list(options.proof), "write what is drawn for each set")
-    of_space.set_defaults(compute=space.run)
-    of_missed.set_defaults(compute=space.run_missed)
     of_space.add_argument(
         "--only", nargs="*", default=(), metavar="NAME", help="worlds, shapes, or what is hidden (all)"
     )
@@ -278,12 +287,10 @@ def _parser() -> Parser:
             "--worlds", dest="proof", action="store_const", const=space.IN_WORLDS, default=space.FIRST, help=three
         )
     for one in (of_space, of_missed, of_lifted):
-        one.add_argument("--again", action="store_true", help="then compute stored rows again")
-        add_jobs(one)
+        add_jobs(one, "stored rows")
     about = "what measured throws of a body with faces say without any contact law"
     of_law_free = add("law-free", _law_free, about)
-    of_law_free.add_argument("folder")
-    of_law_free.add_argument("--trials", type=int, help="the first ones; default: all")
+    add_set(of_law_free)
     of_law_free.add_argument(
         "--store", action="store_true", help="of a body in space: keep it in config/proof/law_free.csv"
     )

@@ -19,7 +19,7 @@ In "mujoco_usual" nothing is hidden.  Its seed draws body mass, friction, restit
 a contact then knows how much mass stands behind it.
 
 Sizes raise the base law's error (for effects in flight the misfit of arcs, for the touch that of gaps) to about three
-times the noise floor.  They were fixed on seeds in `DEVELOPMENT`; the table uses `SEEDS` and above.  Sources with
+times the noise floor.  They were fixed on seeds below `SEEDS`; the table uses `SEEDS` and above.  Sources with
 contacts as long as real ones have sizes of their own, by shape (`find_size`).  For the detection
 curve the factor √(R² − 1) / √8 scales them to R times the floor, as if squares of misfit and noise added up.
 """
@@ -72,8 +72,7 @@ BODIES = {"ellipse": ELLIPSE_BODY, "square": SQUARE}
 OF_SOURCE = -1.0  # contact time of a case that takes its source's
 ALL_CAUSES: dict[str, Cause] = CAUSES | OWN
 RATIO = 3.0  # base law's misfit over the noise floor, at the stored sizes
-DEVELOPMENT = range(0, 1000)  # seeds for tuning; never in the table
-SEEDS = 1000  # first seed of the table
+SEEDS = 1000  # first seed of the table; those below are for tuning
 FRESH = 2000  # first seed of the headline table
 MUJOCO_STEPS = 60  # in one contact: the instant of the touch within a step then moves ε by a third of a per cent
 USUAL_STEPS = 200  # ... by a tenth

@@ -57,18 +57,20 @@ from thesis_lib.datasets.sources.along_throws import along_throws
 from thesis_lib.effects import EFFECTS
 from thesis_lib.foundation.markdown import table as markdown
 from thesis_lib.foundation.randomness import generator
-from thesis_lib.foundation.rows import STAMP, Rows
 from thesis_lib.simulate.compliant.drops import simulate_compliant_drops
 from thesis_lib.simulate.rig.hidden_causes import PROOF_RELEASE, RIG_NOISE, CompliantContact
 from thesis_lib.statistics.wording import bounded, number
 from thesis_lib.studies.proof.cases import BODIES, SEEDS, Case, make
-from thesis_lib.studies.proof.store import COMMAND, NOTHING, STORE, numbers_in, numbers_of, stamped
+from thesis_lib.studies.proof.store import NOTHING, numbers_in, numbers_of, stamped, stored
 
-COLUMNS = (
-    *("drops", "model", "detected", "used", "gain", "error", "median", "noise_floor", "single", "episodes"),
+FOUND = (
+    *("model", "detected", "used", "gain", "error", "median", "noise_floor", "single", "episodes"),
     *("flat_hits", "flat", "learned", "low", "high", "pairs", "by_contact", "tosses"),
-    *("refitted", "refitted_parameters", "parameters", *STAMP),
+    *("refitted", "refitted_parameters", "parameters"),
 )
+OF_TOSSES = ("name", "value", "low", "high", "floor")
+OF_CONTACTS = ("kind", "error", "noise_floor", "n", "used_share")
+NUMBERS = {"tosses": OF_TOSSES, "refitted": OF_TOSSES, "by_contact": OF_CONTACTS}
 HERTZ_TIME = 3e-3  # s
 MEASURED = ("planar_", "contactnets_")  # how the names of measured sets begin
 FLAT = np.radians(2.0)  # of a face: both of its corners touch within a contact of 1 ms
@@ -150,10 +152,8 @@ SERIES = {
 }
 
 # new rows of some drops replace all that these have
-ROWS = Rows(
-    *(STORE / "direct_fits.csv", COLUMNS, ("drops",), f"{COMMAND} direct-fits run"),
-    digits=6,
-    order=lambda row: list(SERIES).index(row["drops"]),
+ROWS = stored(
+    "direct_fits", ("drops",), FOUND, "direct-fits run", digits=6, order=lambda row: list(SERIES).index(row["drops"])
 )
 
 
@@ -260,29 +260,14 @@ def _rolled_out(model: SavedSpaceModel, dataset: Dataset, judged: Observations) 
     return numbers_in(tosses, 6)
 
 
-def whole_tosses(path: Path = ROWS.path) -> pd.DataFrame:
-    """The stored numbers of whole tosses, a row each: drops, model, name, value, low, high, floor."""
-    return _numbers("tosses", ("name", "value", "low", "high", "floor"), path)
-
-
-def refitted(path: Path = ROWS.path) -> pd.DataFrame:
-    """The same with parameters fitted to whole tosses instead of to hits."""
-    return _numbers("refitted", ("name", "value", "low", "high", "floor"), path)
-
-
-def contacts(path: Path = ROWS.path) -> pd.DataFrame:
-    """The stored errors by kind of contact, a row each: drops, model, kind, error, noise_floor, n, used_share."""
-    return _numbers("by_contact", ("kind", "error", "noise_floor", "n", "used_share"), path)
-
-
-def _numbers(column: str, names: Sequence[str], path: Path) -> pd.DataFrame:
-    """The named numbers in the cells of a column, a row each: drops, model and `names`."""
+def numbers(column: str) -> pd.DataFrame:
+    """The stored numbers in the cells of a column, a row each: drops, model and `NUMBERS`."""
     rows = [
-        (one["drops"], one["model"], name, *numbers)
-        for one in ROWS.at(path).parsed(dict)
-        for name, numbers in numbers_of(one[column]).items()
+        (one["drops"], one["model"], name, *values)
+        for one in ROWS.parsed(dict)
+        for name, values in numbers_of(one[column]).items()
     ]
-    return pd.DataFrame(rows, columns=["drops", "model", *names])
+    return pd.DataFrame(rows, columns=["drops", "model", *NUMBERS[column]])
 
 
 def _floor(fitted: Fit, o: Observations) -> dict[str, float | None]:

@@ -30,14 +30,14 @@ from thesis_lib.critique.engines.compare import WITH, WITHOUT, compare_models, s
 from thesis_lib.datasets.format.dataset import Dataset
 from thesis_lib.foundation.markdown import table
 from thesis_lib.foundation.randomness import generator
-from thesis_lib.foundation.rows import STAMP, Rows
+from thesis_lib.foundation.rows import Rows
 from thesis_lib.simulate.compliant.drops import simulate_compliant_drops
 from thesis_lib.simulate.mujoco.contact import MujocoContact
 from thesis_lib.simulate.mujoco.drops import DropsInMujoco
 from thesis_lib.simulate.rig.hidden_causes import PROOF_RELEASE, RIG_NOISE, HiddenCauses
 from thesis_lib.statistics.wording import count
 from thesis_lib.studies.proof.cases import BODIES
-from thesis_lib.studies.proof.store import COMMAND, NOTHING, STORE, with_effects
+from thesis_lib.studies.proof.store import NOTHING, stored, with_effects
 
 SEEDS = 1000  # the table's begin here
 ENGINES = ("mujoco", "drake")
@@ -46,10 +46,9 @@ DROPS = 60
 MU, EPSILON, CONTACT_TIME = 0.2, 0.6, 1e-3
 ENOUGH, AGREE = 1.5, 1.1
 ASKED = ("recognised", "adequate", "agreed_default", "agreed_before", "agree")
-KEY = ("engine", "shape", "truth", "seed")
 RATIOS = ("ratio_default", "ratio_before", "ratio_after")
-COLUMNS = (*KEY, "verdict", "named", "best", "own", "other", "floor", *RATIOS, "mu", "mu_std", *STAMP)
-ROWS = Rows(STORE / "engines.csv", COLUMNS, KEY, f"{COMMAND} engines run", digits=4)
+FOUND = ("verdict", "named", "best", "own", "other", "floor", *RATIOS, "mu", "mu_std")
+ROWS = stored("engines", ("engine", "shape", "truth", "seed"), FOUND, "engines run", digits=4)
 
 
 @dataclass(frozen=True)

@@ -32,17 +32,16 @@ from thesis_lib.datasets.sources.along_throws import along_throws, hidden_drift
 from thesis_lib.effects import EFFECTS
 from thesis_lib.foundation.markdown import table
 from thesis_lib.foundation.randomness import generator
-from thesis_lib.foundation.rows import STAMP, Rows, by_cells
+from thesis_lib.foundation.rows import Rows, by_cells
 from thesis_lib.statistics.wording import number
-from thesis_lib.studies.proof.store import COMMAND, STORE, stamped
+from thesis_lib.studies.proof.store import stamped, stored
 
 KEY = ("dataset", "trials", "hits", "chosen")  # and the effects, where these were chosen by hand
-COLUMNS = (
-    *(*KEY, "detected", "used", "verdict", "effects", "base", "error", "median", "noise_floor"),
-    *("learned", "low", "high", "max_effects", *STAMP),
+FOUND = (
+    *("detected", "used", "verdict", "effects", "base", "error", "median", "noise_floor"),
+    *("learned", "low", "high", "max_effects"),
 )
-ORDER = by_cells(*KEY, "effects")
-ROWS = Rows(STORE / "measured.csv", COLUMNS, KEY, f"{COMMAND} measured run", digits=6, order=ORDER)
+ROWS = stored("measured", KEY, FOUND, "measured run", digits=6, order=by_cells(*KEY, "effects"))
 MOST_EFFECTS = 10  # a rig that nobody made for this has more than four faults
 SEED = 0
 _SEEN = {"planar_impact": "ellipse", "planar_dice": "dice", "contactnets_cube": "cube"}

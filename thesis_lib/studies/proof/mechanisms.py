@@ -24,24 +24,29 @@ from dataclasses import dataclass
 
 import pandas as pd
 
-from thesis_lib.critique.mechanisms.critique import GROUP, criticise_recording
+from thesis_lib.critique.mechanisms.critique import criticise_recording
 from thesis_lib.critique.mechanisms.study import OUTSIDE, true_sizes
 from thesis_lib.foundation.markdown import table
 from thesis_lib.foundation.randomness import generator
-from thesis_lib.foundation.rows import STAMP, Rows
+from thesis_lib.foundation.rows import Rows
 from thesis_lib.simulate.engines.recording import simulate_recording
 from thesis_lib.simulate.engines.settings import EngineName
 from thesis_lib.simulate.mechanisms.hidden_forces import TRUTHS, HiddenSizes, MechanismKind
-from thesis_lib.studies.proof.store import COMMAND, NOTHING, STORE, groups_in, groups_of, numbers_in, numbers_of, share
+from thesis_lib.studies.proof.store import (
+    NOTHING,
+    groups_in,
+    groups_of,
+    is_exact,
+    numbers_in,
+    numbers_of,
+    share,
+    stored,
+)
 
 SEEDS = 1100  # the table's begin here; those below 1000 are for development
 ENGINES: tuple[EngineName, ...] = ("mujoco", "drake")
-KEY = ("mechanism", "engine", "truth", "seed")
-COLUMNS = (
-    *(*KEY, "trials", "verdict", "named", "before", "after", "remaining_p", "sensor_excess", "parameters"),
-    *STAMP,
-)
-ROWS = Rows(STORE / "mechanisms.csv", COLUMNS, KEY, f"{COMMAND} mechanisms run", digits=4)
+FOUND = ("trials", "verdict", "named", "before", "after", "remaining_p", "sensor_excess", "parameters")
+ROWS = stored("mechanisms", ("mechanism", "engine", "truth", "seed"), FOUND, "mechanisms run", digits=4)
 WITHIN = 1.96  # standard errors
 
 
@@ -92,23 +97,20 @@ def compute(case: MechanismCase) -> dict[str, object]:
     }
 
 
-def is_exact(truth: str, verdict: str, named: str) -> bool:
+def is_right(truth: str, verdict: str, named: str) -> bool:
     """Whether verdict and names are right; see the module's docstring."""
-    if truth in (NOTHING, OUTSIDE):
-        return verdict == ("adequate" if truth == NOTHING else "unexplained")
-    groups = groups_of(named)
-    return verdict == "effects" and len(groups) == 1 and truth in groups[0] and len(groups[0]) <= GROUP
+    return is_exact(verdict, {NOTHING: [], OUTSIDE: [()]}.get(truth, [(truth,)]), groups_of(named))
 
 
 def read(store: Rows = ROWS) -> pd.DataFrame:
     """The stored rows, and a column `right`; UserError if there are none, or other columns."""
     rows = store.table()
-    return rows.assign(right=[is_exact(*row) for row in zip(rows["truth"], rows["verdict"], rows["named"])])
+    return rows.assign(right=[is_right(*row) for row in zip(rows["truth"], rows["verdict"], rows["named"])])
 
 
 def told(row: dict) -> str:
     """A row in words."""
-    right = "right" if is_exact(row["truth"], row["verdict"], row["named"]) else "WRONG"
+    right = "right" if is_right(row["truth"], row["verdict"], row["named"]) else "WRONG"
     misfit = f"{row['before']:.4g} → {row['after']:.4g}, sensors {row['sensor_excess']:.4g}"
     return f"{right}, {row['verdict']}, {row['named'] or 'nothing named'}, {misfit}, {row['parameters']}"
 

@@ -73,6 +73,7 @@ KEY = ("cause", "size", "seed")
 MEASURED = ("size", "apart", "sigmas", "random", "chosen")
 COLUMNS = (*KEY, "effect", "rival", *MEASURED[1:], "wrong_random", "wrong_chosen", *STAMP)
 LOWEST = 0.08  # m; no release below it
+GRAVITY = 9.81  # m/s²
 # what impacts show; not wear, which no choice of states tells, and which begins again with each simulated series
 ASKED = (
     *("tangential_compliance", "hunt_crossley", "stribeck", "friction_anisotropy", "rolling_lever"),
@@ -93,17 +94,17 @@ class Question:
 class Launcher:
     """Releases that meet given states before the first impact, in turn, with `SCATTER`."""
 
-    def __init__(self, states: Sequence[Mapping[str, float]], body: Body, gravity: float = 9.81) -> None:
+    def __init__(self, states: Sequence[Mapping[str, float]], body: Body) -> None:
         self.states = np.array([[state.get(name, np.nan) for name in PLACED] for state in states])
-        self.body, self.gravity = body, gravity
+        self.body = body
         self.height = Spread(low=LOWEST, high=10.0)
 
     def draw(self, n: int, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
         """Poses (n, 3) and velocities (n, 3) of releases from rest in y."""
         wanted = self.states[np.arange(n) % len(self.states)] + SCATTER * rng.standard_normal((n, 5))
         vx, vy, omega, theta, x = wanted.T
-        fall = -vy / self.gravity
-        height = 0.5 * self.gravity * fall**2 - self.body.shape.contact_point(theta)[:, 1]
+        fall = -vy / GRAVITY
+        height = 0.5 * GRAVITY * fall**2 - self.body.shape.contact_point(theta)[:, 1]
         start = np.where(np.isnan(x), 0.0, x - vx * fall)  # as the random ones, unless the place is asked for
         pose = np.stack([start, np.maximum(height, LOWEST), theta - omega * fall], axis=1)
         return pose, np.stack([vx, np.zeros(n), omega], axis=1)

@@ -45,22 +45,23 @@ from thesis_lib.critique.proposal.terms import TARGETS, Term, all_terms
 from thesis_lib.datasets.format.dataset import Dataset
 from thesis_lib.foundation.markdown import table
 from thesis_lib.foundation.randomness import generator
-from thesis_lib.foundation.rows import STAMP, Rows
+from thesis_lib.foundation.rows import Rows
 from thesis_lib.simulate.compliant.drops import simulate_compliant_drops
 from thesis_lib.simulate.compliant.hidden_laws import HIDDEN_LAWS, hiding
 from thesis_lib.simulate.rig.hidden_causes import ELLIPSE_BODY, PROOF_RELEASE, RIG_NOISE, CompliantContact
 from thesis_lib.statistics.wording import count
-from thesis_lib.studies.proof.store import COMMAND, NOTHING, STORE, with_effects
+from thesis_lib.studies.proof.store import NOTHING, stored, with_effects
 
 SEEDS = 1000  # the table's begin here; those below served to choose sizes and terms
 DROPS = 150
 MU, EPSILON, CONTACT_TIME = 0.15, 0.55, 1e-3
 ENOUGH, NEAR = 1.5, 1.1
 CONTACTS = 2000  # random ones, for the sign of a term of another form
-KEY = ("truth", "seed")
-MEASURED = ("a", "a_std", "before", "after", "floor", "attainable", "excess", "seconds")
-COLUMNS = (*KEY, "verdict", "named", "proposed", "law", "alternatives", *MEASURED, *STAMP)
-ROWS = Rows(STORE / "proposals.csv", COLUMNS, KEY, f"{COMMAND} proposals run", digits=4)
+FOUND = (
+    *("verdict", "named", "proposed", "law", "alternatives"),
+    *("a", "a_std", "before", "after", "floor", "attainable", "excess", "seconds"),
+)
+ROWS = stored("proposals", ("truth", "seed"), FOUND, "proposals run", digits=4)
 # the term that says what each hidden law says, or of the same variable
 OWN = {
     "restitution_by_obliquity": "restitution_by_obliquity",
@@ -113,7 +114,7 @@ def make(case: ProposalCase, drops: int = DROPS) -> Dataset:
 def compute(case: ProposalCase, drops: int = DROPS) -> dict[str, object]:
     """Criticise, propose, and sum up: a row of the table."""
     judged = criticise_drops(make(case, drops), rng=generator(case.seed, "proposal proof critique", case.truth))
-    row: dict[str, object] = {**dict.fromkeys(COLUMNS, ""), **vars(case)}
+    row: dict[str, object] = {**dict.fromkeys(FOUND, ""), **vars(case)}
     row |= {"verdict": judged.verdict, "named": with_effects(judged)}
     last, found, began = judged.ladder[-1][2], None, time.process_time()
     if case.truth == NOTHING or (judged.verdict == "unexplained" and judged.is_structured):

@@ -24,8 +24,7 @@ without hidden effects their misfit is below 1.)  If no effect is known, impacts
 | σ/σ_CR             | `width`                                 | 1    | `recovered` | std over the Cramér-Rao bound  |
 """
 
-from collections.abc import Collection, Mapping, Sequence
-from itertools import permutations
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -35,10 +34,9 @@ from thesis_lib.effects import EFFECTS
 from thesis_lib.statistics.intervals import Z95
 from thesis_lib.studies.proof.cases import RATIO, SOURCES, Case
 from thesis_lib.studies.proof.compute import VERDICTS, numbers_of_row, read_rows
-from thesis_lib.studies.proof.store import NOTHING, STORE, Cells, groups_of, numbers_of, share
+from thesis_lib.studies.proof.store import NOTHING, STORE, Cells, groups_of, is_exact, numbers_of, share
 
 KINDS = ("single", NOTHING, "pair", "outside")
-LARGEST_GROUP = 3  # most effects in a group
 # datasets of a cell differ only in the seed
 CELL = ("source", "truth", "ratio", "drops", "noise", "shape", "contact_time")
 OUTCOMES = (
@@ -60,18 +58,7 @@ MISSES = ("source", "truth", "seed", "shape", "contact_time", "kind", "verdict",
 def is_right(case: Case, verdict: str, groups: Sequence[Sequence[str]]) -> bool:
     """Whether the verdict is exact, as the module's docstring defines it."""
     verdict, groups = _without_own(case, verdict, groups)
-    if case.kind in (NOTHING, "outside"):
-        return verdict == ("adequate" if case.kind == NOTHING else "unexplained")
     return is_exact(verdict, case.expected, groups)
-
-
-def is_exact(verdict: str, expected: Sequence[Collection[str]], groups: Sequence[Sequence[str]]) -> bool:
-    """Whether the verdict names each hidden cause, of which any of its `expected` names will do, in its own group."""
-    if verdict != "effects" or len(groups) != len(expected) or any(len(group) > LARGEST_GROUP for group in groups):
-        return False
-    return any(
-        all(set(names) & set(group) for names, group in zip(expected, chosen)) for chosen in permutations(groups)
-    )
 
 
 def wrong_names(case: Case, verdict: str, groups: Sequence[Sequence[str]]) -> int:

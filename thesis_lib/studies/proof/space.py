@@ -59,12 +59,12 @@ from thesis_lib.effects.effect import values_in_space
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.foundation.markdown import table as markdown
 from thesis_lib.foundation.randomness import generator
-from thesis_lib.foundation.rows import STAMP, Rows
+from thesis_lib.foundation.rows import Rows
 from thesis_lib.simulate.drake.tosses import DrakeTosses
 from thesis_lib.simulate.mujoco.tosses import MujocoTosses
 from thesis_lib.simulate.tosses.causes import OUTSIDE
 from thesis_lib.simulate.tosses.drawn import DRAWN, SpaceCase, cases, make
-from thesis_lib.simulate.tosses.drawn_in_worlds import DRAWN_IN_WORLDS, SHAPES_IN, WorldsCase, worlds_cases
+from thesis_lib.simulate.tosses.drawn_in_worlds import DRAWN_IN_WORLDS, SHAPES_IN, worlds_cases
 from thesis_lib.simulate.tosses.lifted import lifted
 from thesis_lib.simulate.tosses.own import OwnTosses
 from thesis_lib.simulate.tosses.world import TossEngine
@@ -72,28 +72,26 @@ from thesis_lib.statistics.intervals import Z95
 from thesis_lib.statistics.wording import count
 from thesis_lib.studies.proof.cases import SEEDS, Case
 from thesis_lib.studies.proof.cases import make as make_in_plane
-from thesis_lib.studies.proof.results import is_exact
 from thesis_lib.studies.proof.sizes import as_fitted
 from thesis_lib.studies.proof.store import (
     COMMAND,
     CONFIG,
     NOTHING,
-    STORE,
     criticised,
     groups_in,
     groups_of,
+    is_exact,
     numbers_in,
     numbers_of,
-    put_missing,
-    said_of,
+    stored,
 )
 
 KEY = ("world", "truth", "seed")
-COLUMNS = (
-    *(*KEY, "shape", "verdict", "law", "named", "n_impacts", "base", "augmented", "floor", "remaining_p"),
-    *("sizes", "seconds", "why", *STAMP),
+FOUND = (
+    *("shape", "verdict", "law", "named", "n_impacts", "base", "augmented", "floor", "remaining_p"),
+    *("sizes", "seconds", "why"),
 )
-MISSED_COLUMNS = (*KEY, "gain", "low", "high", "without", "with_it", "floor", "why", *STAMP)
+MISSED = ("gain", "low", "high", "without", "with_it", "floor", "why")
 KINDS = {NOTHING: "nothing hidden: `adequate`", "one": "one cause, named alone or with its group"}
 KINDS |= {"first": "one cause, in the first group", "pair": "a pair of causes, each named"}
 KINDS |= {"outside": "a cause from outside: `unexplained`", "wrong": "a wrong effect named"}
@@ -103,9 +101,8 @@ LIFTED = (
     *(("inertia_error", "ellipse"), ("tilt", "ellipse"), ("surface_height", "ellipse"), ("linear_drag", "ellipse")),
     *(("gravity_error", "square"), (NOTHING, "square")),
 )
-LIFTED_KEY = ("truth", "shape", "seed")
-LIFTED_COLUMNS = (*LIFTED_KEY, "plane", "space", "in_plane", "in_space", "sizes", "apart", *STAMP)
-LIFTED_ROWS = Rows(STORE / "lifted.csv", LIFTED_COLUMNS, LIFTED_KEY, f"{COMMAND} lifted", digits=6)
+OF_BOTH = ("plane", "space", "in_plane", "in_space", "sizes", "apart")
+LIFTED_ROWS = stored("lifted", ("truth", "shape", "seed"), OF_BOTH, "lifted", digits=6)
 
 
 @dataclass(frozen=True)
@@ -113,27 +110,23 @@ class SpaceProof:
     """Datasets, and the tables of what was drawn for them, what was found of them, and of those that are not right."""
 
     sets: Callable[[], Sequence[SpaceCase]]
-    case: type[SpaceCase]
     drawn: Rows
     rows: Rows
     missed: Rows
-    command: str
-
-    @classmethod
-    def named(cls, name: str, sets: Callable, case: type[SpaceCase], drawn: Sequence[str], option: str) -> "SpaceProof":
-        """The proof with its tables in config/."""
-        return cls(
-            sets,
-            case,
-            Rows(CONFIG / f"proof_in_{name}.csv", (*KEY, *drawn), KEY, f"{COMMAND} space-list{option}"),
-            Rows(STORE / f"{name}.csv", COLUMNS, KEY, f"{COMMAND} space{option}", digits=6),
-            Rows(STORE / f"{name}_missed.csv", MISSED_COLUMNS, KEY, f"{COMMAND} space-missed{option}", digits=4),
-            f"{COMMAND} space{option}",
-        )
 
 
-FIRST = SpaceProof.named("space", cases, SpaceCase, DRAWN, "")
-IN_WORLDS = SpaceProof.named("worlds", worlds_cases, WorldsCase, DRAWN_IN_WORLDS, " --worlds")
+def _proof(name: str, sets: Callable[[], Sequence[SpaceCase]], drawn: Sequence[str], option: str = "") -> SpaceProof:
+    """The proof with its tables in config/."""
+    return SpaceProof(
+        sets,
+        Rows(CONFIG / f"proof_in_{name}.csv", (*KEY, *drawn), KEY, f"{COMMAND} space-list{option}"),
+        stored(name, KEY, FOUND, f"space{option}", digits=6),
+        stored(f"{name}_missed", KEY, MISSED, f"space-missed{option}", digits=4),
+    )
+
+
+FIRST = _proof("space", cases, DRAWN)
+IN_WORLDS = _proof("worlds", worlds_cases, DRAWN_IN_WORLDS, " --worlds")
 
 
 def write_list(proof: SpaceProof) -> None:
@@ -154,7 +147,7 @@ def engine_of(case: SpaceCase) -> TossEngine:
 def compute(case: SpaceCase) -> dict[str, object]:
     """Make the dataset of a case, and criticise it: a row of the table."""
     dataset = make(case, engine_of(case))
-    row: dict[str, object] = {**dict.fromkeys(COLUMNS, ""), **vars(case), "shape": case.drawn["shape"]}
+    row: dict[str, object] = {**dict.fromkeys(FOUND, ""), **vars(case), "shape": case.drawn["shape"]}
     began = time.process_time()
     found, critique = criticised(dataset, case.seed)
     if critique is None:
@@ -171,15 +164,9 @@ def _sizes(critique: DropsCritique, hidden: Mapping[str, float]) -> dict[str, tu
     return {name: (true[name], fitted.values[name], fitted.std[name]) for name in both}
 
 
-def run(
-    proof: SpaceProof, jobs: int, tell: Callable[[str], object], again: bool = False, only: Collection[str] = ()
-) -> bool:
-    """Compute the datasets that are not stored, and return whether all were; `only`: worlds, truths or shapes.
-
-    With `again` also those whose row other code than today's made, after the others.
-    """
-    chosen = [c for c in proof.sets() if not only or {c.world, c.truth, c.drawn["shape"]} & set(only)]
-    return put_missing(chosen, compute, lambda case: proof.rows, said_of, tell, jobs=jobs, again=again)
+def chosen(proof: SpaceProof, only: Collection[str]) -> list[SpaceCase]:
+    """The datasets of a proof, `only` of these worlds, truths or shapes, if any are given."""
+    return [c for c in proof.sets() if not only or {c.world, c.truth, c.drawn["shape"]} & set(only)]
 
 
 def kind_of(truth: str) -> str:
@@ -195,9 +182,7 @@ def judged(rows: pd.DataFrame) -> pd.DataFrame:
     for truth, kind, verdict, cell in zip(rows["truth"], kinds, rows["verdict"], rows["named"]):
         hidden, groups = truth.split("+") if kind in ("one", "pair") else [], groups_of(cell)
         inside = [bool(set(hidden) & set(group)) for group in groups]
-        right = is_exact(verdict, [(name,) for name in hidden], groups)
-        if not hidden:
-            right = verdict == ("adequate" if kind == NOTHING else "unexplained")
+        right = is_exact(verdict, [()] if kind == "outside" else [(name,) for name in hidden], groups)
         made.append((right, bool(inside) and inside[0], not all(inside)))
     right, first, wrong = map(list, zip(*made))
     return rows.assign(kind=kinds, right=right, first=first, wrong=wrong)
@@ -206,7 +191,7 @@ def judged(rows: pd.DataFrame) -> pd.DataFrame:
 def compute_missed(case: SpaceCase) -> dict[str, object]:
     """Evidence for its cause in the data of a case: a row of the table of those that are not right."""
     dataset = make(case, engine_of(case))
-    row: dict[str, object] = {**dict.fromkeys(MISSED_COLUMNS, ""), **vars(case)}
+    row: dict[str, object] = {**dict.fromkeys(MISSED, ""), **vars(case)}
     found, critique = criticised(dataset, case.seed, effects=[case.truth])
     if critique is None:
         return row | {"why": found["why"]}
@@ -224,12 +209,12 @@ def told_missed(row: dict) -> str:
     return f"{gain} ({low} to {high}) nats per impact, {errors} m/s, noise {float(row['floor']):.2g}"
 
 
-def run_missed(proof: SpaceProof, jobs: int, tell: Callable[[str], object], again: bool = False) -> bool:
-    """Compute what is missing of those not right, with `again` also rows of older code; return whether all were."""
+def not_right(proof: SpaceProof) -> list[SpaceCase]:
+    """The stored datasets of one cause that are not right; UserError if none is stored."""
     rows = judged(proof.rows.table())
     wrong = rows[~rows["right"].astype(bool) & (rows["kind"] == "one")]
-    sets = [proof.case(row["world"], row["truth"], int(row["seed"])) for row in wrong.to_dict("records")]
-    return put_missing(sets, compute_missed, lambda case: proof.missed, told_missed, tell, jobs=jobs, again=again)
+    keys = set(wrong[list(KEY)].itertuples(index=False, name=None))
+    return [case for case in proof.sets() if (case.world, case.truth, case.seed) in keys]
 
 
 def as_markdown(proof: SpaceProof) -> str:
@@ -238,7 +223,7 @@ def as_markdown(proof: SpaceProof) -> str:
     try:
         rows = judged(proof.rows.table())
     except UserError:
-        return f"None of the {len(planned)} datasets is computed yet: `{proof.command}`."
+        return f"None of the {len(planned)} datasets is computed yet: `{proof.rows.command}`."
     names = [world for world in SHAPES_IN if any(case.world == world for case in planned)]
     lines = []
     for kind, title in KINDS.items():
@@ -256,9 +241,9 @@ def as_markdown(proof: SpaceProof) -> str:
         for row in rows[~rows["right"].astype(bool)].to_dict("records")
     ]
     head = ("world", "hidden", "shape", "verdict", "named", "the cause switched on by hand")
-    not_right = f"\n\nNot right:\n\n{markdown(head, misses)}" if misses else ""
+    wrong = f"\n\nNot right:\n\n{markdown(head, misses)}" if misses else ""
     made = f"{len(rows)} of {len(planned)} datasets: {codes}."
-    return f"{markdown(('', *names, 'all'), lines)}\n\n{_covered(rows)}{made}{not_right}"
+    return f"{markdown(('', *names, 'all'), lines)}\n\n{_covered(rows)}{made}{wrong}"
 
 
 def _covered(rows: pd.DataFrame) -> str:
@@ -319,18 +304,12 @@ def told_lifted(row: dict) -> str:
     return f"{row['plane']}, {row['in_plane'] or 'nothing'}; in space {row['space']}, {row['in_space'] or 'nothing'}"
 
 
-def run_lifted(jobs: int, tell: Callable[[str], object], again: bool = False) -> bool:
-    """Compute the sets that are not stored, with `again` also those of older code, and return whether all were."""
-    sets = [Lifted(truth, shape) for truth, shape in LIFTED]
-    return put_missing(sets, compute_lifted, lambda case: LIFTED_ROWS, told_lifted, tell, jobs=jobs, again=again)
-
-
 def lifted_as_markdown(store: Rows = LIFTED_ROWS) -> str:
     """The rows as a table of a page, and how many agree."""
     try:
         rows = store.table()
     except UserError:
-        return f"None of the {len(LIFTED)} sets is computed yet: `{COMMAND} lifted`."
+        return f"None of the {len(LIFTED)} sets is computed yet: `{store.command}`."
     same = (rows["plane"] == rows["space"]) & (rows["in_plane"] == rows["in_space"])
     near = rows["apart"].astype(float) <= 1.0
     lines = [

@@ -13,7 +13,8 @@ changed.
 import functools
 import inspect
 import tempfile
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from itertools import permutations
 from operator import itemgetter
 from pathlib import Path
 from typing import Any
@@ -35,7 +36,13 @@ CONFIG = Path(thesis_lib.__file__).resolve().parent.parent / "config"  # in a ch
 STORE = CONFIG / "proof"
 COMMAND = "python -m thesis_lib.studies.proof"
 NOTHING = "nothing"  # hidden
+LARGEST_GROUP = 3  # most effects in a group
 Cells = Mapping[str, str]
+
+
+def stored(name: str, key: Sequence[str], others: Sequence[str], command: str, **how: Any) -> Rows:
+    """The table config/proof/`name`.csv with the columns of its key, others, and `STAMP`; `how` as in `Rows`."""
+    return Rows(STORE / f"{name}.csv", (*key, *others, *STAMP), key, f"{COMMAND} {command}", **how)
 
 
 def groups_of(cell: str) -> list[list[str]]:
@@ -46,6 +53,20 @@ def groups_of(cell: str) -> list[list[str]]:
 def groups_in(steps: Iterable[Step]) -> str:
     """The cell with the effects of `steps`, and what cannot be told from them."""
     return " + ".join("/".join((step.effect.name, *step.alternatives)) for step in steps)
+
+
+def is_exact(verdict: str, expected: Sequence[Collection[str]], groups: Sequence[Sequence[str]]) -> bool:
+    """Whether the verdict names each hidden cause, of which any of its `expected` names will do, in its own group.
+
+    Exact is `adequate` where nothing is expected, and `unexplained` of a cause that no name will do for.
+    """
+    if not any(expected):
+        return verdict == ("unexplained" if expected else "adequate")
+    if verdict != "effects" or len(groups) != len(expected) or any(len(group) > LARGEST_GROUP for group in groups):
+        return False
+    return any(
+        all(set(names) & set(group) for names, group in zip(expected, chosen)) for chosen in permutations(groups)
+    )
 
 
 def with_effects(critique: DropsCritique) -> str:

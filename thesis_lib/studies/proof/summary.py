@@ -167,14 +167,10 @@ def tables(store: Path = STORE) -> dict[str, pd.DataFrame]:
 
 
 def report(store: Path = STORE, folder: Path | None = None) -> str:
-    """All tables as text; with a `folder` they are also written there as CSV, named as in `tables`."""
+    """All tables as text for a terminal of `WIDTH` columns; with a `folder` also written there as CSV, named as in
+    `tables`."""
     content = tables(store)
     for name, table in content.items() if folder else ():
         write_result(table, Path(folder) / f"{name}.csv")
-    return as_text(content)
-
-
-def as_text(content: dict[str, pd.DataFrame]) -> str:
-    """Text of the tables for a terminal of `WIDTH` columns."""
     form = {"index": False, "na_rep": "", "float_format": "{:.4g}".format, "line_width": WIDTH, "max_colwidth": 100}
     return "\n".join(f"{TITLES[name]}: {len(table)}\n\n{table.to_string(**form)}\n" for name, table in content.items())
