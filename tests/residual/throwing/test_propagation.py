@@ -115,10 +115,8 @@ def test_the_contact_map_learns_a_planted_residual_and_knows_how_well():
     settings = DiceStudySettings(training_contacts=250, process=GaussianProcessSettings(restarts=1, device="cpu"))
     contacts = made_contacts(TRUTH, 500, twist=0.1)
     known, new = contacts.select(np.arange(250)), contacts.select(np.arange(250, 500))
-    missed, _ = train_missed(TRUTH, known, settings, np.random.default_rng(0))
-    contact = contact_map("", TRUTH, missed, settings).contact
-    scatter, _ = train_missed(TRUTH, known, settings, np.random.default_rng(0), False)
-    plain = contact_map("", TRUTH, scatter, settings).contact
+    missed = (train_missed(TRUTH, known, settings, np.random.default_rng(0), learned)[0] for learned in (True, False))
+    contact, plain = (contact_map("", TRUTH, one, settings).contact for one in missed)
     t, q, v, r, _ = touch_down(TRUTH, new)
 
     def left(contact):
