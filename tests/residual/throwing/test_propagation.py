@@ -15,9 +15,9 @@ from thesis_lib.thesis.residual.dice.models import contact_map, train_missed
 from thesis_lib.thesis.residual.dice.settings import DiceFitSettings, DiceStudySettings
 from thesis_lib.thesis.residual.throwing.compliant_contact import CornerContact
 from thesis_lib.thesis.residual.throwing.flight import fly
-from thesis_lib.thesis.residual.throwing.propagation import PENETRATION, Sampled, ScatteredLaw, wrench_map
+from thesis_lib.thesis.residual.throwing.propagation import PENETRATION, Sampled, ScatteredLaw
 from thesis_lib.thesis.residual.throwing.settings import ThrowSettings
-from thesis_lib.thesis.residual.throwing.throw import LawImpact, push, simulate_throws
+from thesis_lib.thesis.residual.throwing.throw import LawImpact, simulate_throws
 
 LAW = LawImpact(LAWS["mirtich"], 0.15, 0.5, RIG.k_g)
 WIDE = np.diag([0.2, 0.2, 0.005]) ** 2
@@ -63,13 +63,6 @@ def test_a_sample_that_ends_below_the_surface_is_lifted_onto_it():
     on_it, above = np.abs(gap) < 1e-12, gap > 1e-12
     assert (on_it | above).all()
     assert min(on_it.mean(), above.mean()) > 0.3  # a dent of a millimetre does not ask for another draw
-
-
-def test_the_wrench_map_is_what_an_impulse_does():
-    rng = np.random.default_rng(0)
-    r, c = rng.normal(size=(20, 2)) * 0.03, rng.normal(size=(20, 3))
-    expected = push(np.zeros((20, 3)), r, c, 0.02)
-    assert np.einsum("nij,nj->ni", wrench_map(r, 0.02), c) == pytest.approx(expected)
 
 
 @pytest.mark.slow
