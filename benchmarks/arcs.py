@@ -104,7 +104,7 @@ def measure(shape: str, n: int, snr: float, results: Results) -> None:
     bound, believed = np.empty(n), np.zeros(n, bool)
     for i, (record, impacts) in enumerate(zip(drops.records, drops.impacts)):
         noisy, h = add_noise(record, snr, rng), record.h
-        bound[i] = ratio_bound(h, record.q, record.v, noisy.sigma, impacts, body.shape, g)
+        bound[i] = ratio_bound(record, noisy.sigma, impacts, body.shape, g, law=False)
         clock = [time.process_time()]
         estimate = DropEstimates(h, noisy.q, noisy.v, body.shape, g).estimate(use_gap=False)
         clock.append(time.process_time())

@@ -42,7 +42,7 @@ def measure(particles: int, trained_on: int = TRAINED, singly: int = ALONE) -> d
     """Particle-throws per CPU second of each model, all at once (`batched`) and one at a time (`alone`)."""
     rng = np.random.default_rng(0)
     half = 0.03 - 0.003
-    corners = ((half, half), (-half, half), (-half, -half), (half, -half))
+    corners = np.array([(half, half), (-half, half), (-half, -half), (half, -half)])
     body = ThrownBody(corners, 0.003, 0.0245, 9.81, c_v=0.5, c_w=0.5)
     law = LawImpact(LAWS["mirtich"], 0.12, 0.48, body.k_g)
     scatter = np.diag([0.03, 0.05, 0.002]) ** 2

@@ -164,9 +164,8 @@ def test_bound_is_that_of_the_samples(kind, rng):
     step = 1e-6 * np.maximum(1.0, np.abs(p))
     jacobian = np.column_stack([(predict(p + d) - predict(p - d)) / (2 * d.max()) for d in np.diag(step)])
     expected = np.sqrt(np.linalg.inv(jacobian.T @ jacobian)[-1, -1])
-    bound = ratio_bound(H, record.q, record.v, sigma, impacts, body.shape)
-    assert bound == pytest.approx(expected, rel=1e-4)
-    assert ratio_bound(H, record.q, record.v, sigma, impacts, body.shape, law=True) < bound
+    bound, with_law = (ratio_bound(record, sigma, impacts, body.shape, G, law) for law in (False, True))
+    assert bound == pytest.approx(expected, rel=1e-4) and with_law < bound
 
 
 @KINDS
@@ -252,8 +251,7 @@ def test_flight_alone_says_nothing(rng):
     record = simulate(body, np.array([0.0, 5.0, 0.3]), np.array([1.0, 0.0, 2.0]), None, H, 100, MU, 0.6)
     out = estimate_ratio(add_noise(record, 40.0, rng), body.shape)
     assert out.status == EstimateStatus.NO_IMPACT and np.isnan(out.value)
-    sigma = np.full((2, 3), 0.01)
-    assert np.isinf(ratio_bound(H, record.q, record.v, sigma, true_impacts(record, MU), body.shape))
+    assert np.isinf(ratio_bound(record, np.full((2, 3), 0.01), true_impacts(record, MU), body.shape, G, law=False))
 
 
 @KINDS
@@ -293,7 +291,7 @@ def test_treatments_of_noise_are_exact_without_it_and_find_too_little_inertia_wi
 def test_table_2_1_at_20_db(kind, rng):
     settings = Table21(drops=40, snr=(20.0,))
     drops = make_drops(kind, 40, rng, settings)
-    table = table_2_1(study(kind, drops, rng, settings)).set_index("method")
+    table = table_2_1(study(kind, drops, rng, settings, DEFAULT)).set_index("method")
     assert list(table.index) == list(METHODS)
     for method in ("arcs", "arcs_gap", "arcs_law"):
         row = table.loc[method]

@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 
 from thesis_lib.foundation.errors import UserError
-from thesis_lib.simulate.mechanisms.motions import arm_disk, arm_trajectories
+from thesis_lib.simulate.mechanisms.motions import DEFAULT, arm_disk, arm_trajectories
 from thesis_lib.simulate.mechanisms.noise_snr import add_noise
 from thesis_lib.simulate.mechanisms.regressor import PlantRegressor
 from thesis_lib.simulate.stepping.stepping import SimulatedMotion, simulate
-from thesis_lib.thesis.identify.arm.fit import ArmFitSettings, fit
+from thesis_lib.thesis.identify.arm.fit import fit
 from thesis_lib.thesis.identify.arm.parameters import (
     NAMES,
     ArmPrior,
@@ -19,6 +19,7 @@ from thesis_lib.thesis.identify.arm.parameters import (
     positive_definite,
     regressor,
 )
+from thesis_lib.thesis.identify.arm.settings import ArmFitSettings, ArmStudy
 from thesis_lib.thesis.identify.arm.shooting import (
     Candidates,
     Shooting,
@@ -207,7 +208,7 @@ def test_bad_data_are_refused(records):
 
 @pytest.mark.slow
 def test_forces_and_parameters_at_40_db_from_blind_starts():
-    tables = arm_force_study(2, np.random.default_rng(11))
+    tables = arm_force_study(np.random.default_rng(11), ArmStudy(trajectories=2), DEFAULT)
     summary = arm_force_summary(tables.forces, tables.parameters).set_index(["quantity", "method"])
     ours = summary.xs("ours", level="method")
     assert (ours["error_median"] <= 0.05).all()  # the target

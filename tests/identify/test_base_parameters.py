@@ -92,9 +92,7 @@ def test_the_square_that_pivots_sticks_on_one_corner(case: str) -> None:
 def test_equation_2_18_holds_on_a_sliding_motion() -> None:
     record, window = excitation_cases()["disk slides, force"]
     body = disk()
-    Y, left = sliding_regressor(
-        record.v[:-1], record.v[1:], record.f_ext, record.J_n[:, 0], record.J_t[:, 0], h=record.h, mu=window.mu
-    )
+    Y, left = sliding_regressor(record, window.mu, 9.81)
     ratio = body.mass / body.inertia
     error = Y @ [ratio, 1.0 / body.mass, 1.0 / body.inertia, ratio / body.inertia] - left
     assert np.abs(error).max() < 1e-12

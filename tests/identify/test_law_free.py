@@ -42,15 +42,6 @@ def test_a_body_lies_on_its_faces():
     assert sorted(found["face"]) == [0, 90, 180, 270]
 
 
-def test_the_angle_from_flat_is_that_of_the_two_lowest_corners():
-    theta = np.linspace(-4.0, 4.0, 101)
-    corners = SQUARE.shape.corners
-    height = np.sin(theta)[:, None] * corners[:, 0] + np.cos(theta)[:, None] * corners[:, 1]
-    angle = theta - SQUARE.shape.lying(theta)
-    rise = np.sort(height, axis=1)
-    np.testing.assert_allclose(0.06 * np.sin(np.abs(angle)), rise[:, 1] - rise[:, 0], atol=1e-12)
-
-
 def test_a_step_of_the_surface_is_no_parabola():
     x, face = np.tile(np.linspace(0.0, 1.0, 40), 2), np.repeat([0, 90], 40)
     heights = {"parabola": (x - 0.5) ** 2, "step": np.where(x < 0.5, -0.4e-3, 0.4e-3)}

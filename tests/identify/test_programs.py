@@ -1,6 +1,7 @@
 """The programs recover what was simulated, agree with their convex forms, and say so when they cannot."""
 
 from dataclasses import replace
+from typing import get_args
 
 import numpy as np
 import pytest
@@ -10,13 +11,14 @@ from thesis_lib.simulate.mechanisms.motions import block
 from thesis_lib.simulate.mechanisms.noise_snr import add_noise
 from thesis_lib.simulate.stepping.stepping import simulate
 from thesis_lib.thesis.identify.base_parameters.projection import project_to_contact
-from thesis_lib.thesis.identify.base_parameters.window import ContactWindow, free_body_window
+from thesis_lib.thesis.identify.base_parameters.window import ContactWindow, States, free_body_window
 from thesis_lib.thesis.identify.programs import nonlinear
-from thesis_lib.thesis.identify.programs.mode_qp import PROGRAMS, edges_of, solve_mode_qp
+from thesis_lib.thesis.identify.programs.mode_qp import Program, edges_of, solve_mode_qp
 from thesis_lib.thesis.identify.programs.nonlinear import ContactProgram
 from thesis_lib.thesis.identify.programs.result import SolveStatus, judged
 from thesis_lib.thesis.identify.programs.study import SUCCESS, ProgramRun, TrueWindow, cases, study
 
+PROGRAMS = get_args(Program)
 CONVEX_AGREEMENT = 1e-6  # relative, of costs: SNOPT stops at 1e-10 of feasibility, which a cost can multiply
 STARTS = 4
 
@@ -120,13 +122,11 @@ def test_projection_makes_the_manifold_exact_and_strict_programs_usable() -> Non
     body, mu = block(), 0.7
     record = simulate(body, [0.0, 1.2, 0.4], [0.3, 0.0, 2.0], None, 5e-3, 120, mu, 0.6)
     noisy = add_noise(record, 50.0, np.random.default_rng(0))
-    contacts = body.contacts_of(noisy.q[:-1])
-    measured = replace(record, q=noisy.q, v=noisy.v, phi=contacts.phi, J_n=contacts.J_n, J_t=contacts.J_t)
-    a_free = np.tile([0.0, -9.81, 0.0], (record.steps, 1))
-    moved = project_to_contact(measured, body, a_free=a_free, gap_tolerance=0.01, v_tolerance=0.05, metric=np.ones(3))
+    measured = States.of(body, record.h, noisy.q, noisy.v, record.f_ext)
+    moved = project_to_contact(measured, body, gap_tolerance=0.01, v_tolerance=0.05, metric=np.ones(3))
     assert moved.closed.any() and np.abs(moved.phi[moved.closed]).max() < 1e-10
     assert np.linalg.norm(moved.q - noisy.q, axis=1).max() < 0.2
-    window = free_body_window(moved, mu, body, known={"m": 1.0}, closed=moved.closed)
+    window = moved.touching(free_body_window(moved, mu, body)).fix({"m": 1.0})
     impact = record.c_n.argmax()
     found = solve_mode_qp(window, dynamics_tolerance=1.0)
     assert found.complementarity < 1e-8
@@ -138,7 +138,7 @@ def test_nan_in_the_data_is_said_with_its_step() -> None:
     v = record.v.copy()
     v[50, 1] = np.nan
     with pytest.raises(UserError, match="not finite at step 49 of the window"):
-        free_body_window(replace(record, v=v), 0.7, block(), known={"m": 1.0})
+        free_body_window(replace(record, v=v), 0.7, block())
 
 
 def test_ipopt_is_not_asked_for_more_equations_than_unknowns(monkeypatch: pytest.MonkeyPatch) -> None:

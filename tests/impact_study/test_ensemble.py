@@ -30,15 +30,6 @@ def test_exact_recovery_without_noise(name, metric, rng):
     assert np.isnan(fit.mu_std)
 
 
-@pytest.mark.parametrize("name", SIX_LAWS)
-def test_recovery_within_standard_errors(name, rng):
-    impacts = falling_ellipses(rng, 200, law=name, mu=MU, epsilon=EPSILON, noise=NOISE)
-    fit = fit_ensemble(LAWS[name], target_of(impacts), "impulse", trials=impacts.trial, bootstrap=REPLICATES, rng=rng)
-    assert abs(fit.mu - MU) < STANDARD_ERRORS * fit.mu_std
-    assert abs(fit.epsilon - EPSILON) < STANDARD_ERRORS * fit.epsilon_std
-    assert 1e-4 < fit.mu_std < 0.03 and 1e-4 < fit.epsilon_std < 0.03
-
-
 def test_bootstrap_standard_errors_are_those_of_repeated_experiments():
     z = []
     for seed in range(40):

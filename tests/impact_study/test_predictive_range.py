@@ -11,7 +11,7 @@ from thesis_lib.contact.law import Law
 from thesis_lib.contact.space import admissible, contact_space
 from thesis_lib.mechanics.contact import Contact
 from thesis_lib.thesis.impact_study import predictive_range
-from thesis_lib.thesis.impact_study.predictive_range import admissible_area, admissible_outline, covered_share, region
+from thesis_lib.thesis.impact_study.predictive_range import admissible_area, admissible_outline, covered_share
 
 N = 25
 DRAWS = 40_000  # Monte Carlo points; the area is good to 1 / sqrt(DRAWS) of that of the box, so
@@ -61,14 +61,6 @@ class TestAdmissibleSet:
             share = admissible(one, drawn_t, drawn_n).mean(axis=0)
             box = (high_t - low_t) * (high_n - low_n)
             np.testing.assert_allclose(admissible_area(one), share * box, rtol=MONTE_CARLO)
-
-
-class TestRegion:
-    def test_it_holds_what_the_law_gives(self, space):
-        c_t, c_n = region(LAWS["mirtich"], space, points=9)
-        assert c_t.shape == c_n.shape == (9, 9, N)
-        expected = LAWS["mirtich"].impulse(space, np.tan(np.pi / 6), np.asarray(0.25))
-        np.testing.assert_allclose((c_t[3, 2], c_n[3, 2]), expected, rtol=1e-12)
 
 
 class TestCoveredShare:

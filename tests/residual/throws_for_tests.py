@@ -20,7 +20,7 @@ TRUTH = DiceModel(0.026, 0.002, 0.001, 0.0215, "mirtich", 0.11, 0.47, 9.81, d_th
 def thrown_square(rho: float = 0.0, c_v: float = 0.0, c_w: float = 0.0) -> ThrownBody:
     """The square of the rig, with corners rounded by `rho` (m) and linear drag (1/s)."""
     corners = np.array(SQUARE.vertices) * (1.0 - rho / HALF)
-    return ThrownBody(tuple(map(tuple, corners.tolist())), rho, RIG.k_g, RIG.gravity, RIG.height, c_v, c_w)
+    return ThrownBody(corners, rho, RIG.k_g, RIG.gravity, RIG.height, c_v, c_w)
 
 
 BODY = thrown_square()

@@ -43,9 +43,6 @@ class TestShares:
         assert wilson_std(1.0, 859) == pytest.approx(0.5 / 860)
         assert share_of(np.zeros(9)) == (0.0, pytest.approx(0.05))
 
-    def test_away_from_the_ends_it_is_the_usual_one(self):
-        assert wilson_std(0.3, 2000) == pytest.approx(np.sqrt(0.21 / 2000), rel=1e-3)
-
     @pytest.mark.parametrize("share", [0.002, 0.1, 0.5])
     def test_it_is_the_spread_of_repeated_shares(self, rng, share):
         n = 500

@@ -135,7 +135,7 @@ class ParameterLearner(ImpactLearner):
         mu, epsilon = np.clip(parameters, 0.0, [MU_MAX, 1.0]).T
         body = {"mass": impacts.mass, "k_g": impacts.k_g}
         out = LAWS[self.law](impacts.v_pre, impacts.r, **body, mu=mu, epsilon=epsilon)
-        return _prediction(IDENTITY, impacts, impacts, out.v_post, out.impulse)
+        return _prediction(IDENTITY, impacts, impacts, out.v_post, out.impulse, None)
 
 
 @dataclass(frozen=True)
@@ -156,7 +156,7 @@ class FeasibleLearner(ImpactLearner):
         s, _ = self.process.predict(features(impacts, self.feature_set), variance=False)
         v_post = feasibility.from_latent(impacts.v_pre, s, impacts.r, impacts.k_g)
         impulse = impulse_of(v_post - impacts.v_pre, impacts, wrench=self.wrench)
-        return _prediction(IDENTITY, impacts, impacts, v_post, impulse)
+        return _prediction(IDENTITY, impacts, impacts, v_post, impulse, None)
 
 
 @dataclass(frozen=True)
@@ -174,7 +174,7 @@ class LawLearner(ImpactLearner):
         seen = self.base.seen(impacts)
         v_seen = _seen_prediction(self.base, impacts)
         impulse = impulse_of(v_seen - seen.v_pre, seen, wrench=True)
-        return _prediction(self.base, impacts, seen, v_seen, impulse)
+        return _prediction(self.base, impacts, seen, v_seen, impulse, None)
 
 
 def _seen_prediction(base: Base, impacts: Impacts) -> np.ndarray:
@@ -183,12 +183,7 @@ def _seen_prediction(base: Base, impacts: Impacts) -> np.ndarray:
 
 
 def _prediction(
-    base: Base,
-    impacts: Impacts,
-    seen: Impacts,
-    v_seen: np.ndarray,
-    impulse: np.ndarray,
-    covariance: np.ndarray | None = None,
+    base: Base, impacts: Impacts, seen: Impacts, v_seen: np.ndarray, impulse: np.ndarray, covariance: np.ndarray | None
 ) -> ImpactPrediction:
     wrench = impulse.shape[1] == 3
     A = velocity_map(seen, wrench=wrench)

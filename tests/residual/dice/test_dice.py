@@ -54,7 +54,7 @@ def recorded() -> tuple[Dataset, pd.DataFrame, np.ndarray, np.ndarray]:
     parts, v_t = [q], v
     short = ThrowSettings(max_contacts=30)
     for _ in t[1:]:
-        q_t, v_t = state_at(MODEL.body, parts[-1], v_t, 0.004, MODEL.impact, short, rng)
+        q_t, v_t = state_at(MODEL.body, parts[-1], v_t, 0.004, MODEL.impact, short)
         # chatter at rest has no end
         v_t = np.where(np.isfinite(v_t), v_t, 0.0)
         parts.append(np.where(np.isfinite(q_t), q_t, parts[-1]))
@@ -95,9 +95,7 @@ def test_starts_are_found_within_their_covariance(recorded, read):
     z = []
     for i, trial in enumerate(releases.trial):
         at = np.floor((first[trial] - 0.002) / 0.004) * 0.004
-        true_q, true_v = state_at(
-            MODEL.body, q[[trial]], v[[trial]], np.array([at]), MODEL.impact, ThrowSettings(), np.random.default_rng(0)
-        )
+        true_q, true_v = state_at(MODEL.body, q[[trial]], v[[trial]], np.array([at]), MODEL.impact, ThrowSettings())
         away = np.r_[releases.q[i] - true_q[0], releases.v[i] - true_v[0]]
         z.append(away / np.sqrt(np.diag(releases.cov[i])))
     z = np.array(z)
@@ -193,7 +191,7 @@ def test_the_critiques_model_hits_as_its_own_prediction_says(values):
     q, v = throws(60)
     true = q - [0.0, 0.0, -0.03]
     r, _ = thrown.body.lowest(true[:, 2])
-    _, after, _ = thrown.impact(true, v, r, np.zeros(60, bool), np.random.default_rng(0))
+    _, after, _ = thrown.impact(true, v, r, np.zeros(60, bool))
     states = pd.DataFrame(np.hstack([q, v]), columns=["x", "y", "theta", "vx", "vy", "omega"])
     expected = model.predict(states)
     hit = (expected["status"] == "ok").to_numpy()

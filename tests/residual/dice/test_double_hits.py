@@ -37,7 +37,7 @@ def impacts(n: int, tilt: float, seed: int = 0) -> Impacts:
 def test_second_hits_are_those_of_small_time_steps():
     given = impacts(400, np.pi / 4)
     n = len(given)
-    _, after, _ = LAW(given.q, given.v_pre, given.r, np.zeros(n, bool), np.random.default_rng(0))
+    _, after, _ = LAW(given.q, given.v_pre, given.r, np.zeros(n, bool))
     _, corner = BODY.lowest(given.q[:, 2])
     first = np.full(n, -1)
     for t in np.arange(1e-4, WITHIN, 1e-4):
@@ -70,7 +70,7 @@ def test_without_double_hits_fewer_learned_impulses_are_infeasible():
     settings = ThrowSettings()
     given = impacts(500, np.pi / 4, seed=1)
     span = np.full(len(given), 0.02)
-    _, v = state_at(BODY, given.q, given.v_pre, span, LAW, settings, np.random.default_rng(0))
+    _, v = state_at(BODY, given.q, given.v_pre, span, LAW, settings)
     v[:, 1] += BODY.gravity * span
     known = np.isfinite(v).all(axis=1)
     given = replace(given.select(known), v_post=v[known])

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from thesis_lib.thesis.residual.throwing.belief import RestBelief, covariance_root, through_dynamics
+from thesis_lib.thesis.residual.throwing.belief import RestBelief, covariance_root
 
 
 def test_a_singular_covariance_has_a_root():
@@ -11,13 +11,6 @@ def test_a_singular_covariance_has_a_root():
     cov[0, 3:, 3:] = np.array([[2.0, 1.0, 0.0], [1.0, 1.0, 0.0], [0.0, 0.0, 0.0]])
     root = covariance_root(cov)
     assert root @ np.swapaxes(root, 1, 2) == pytest.approx(cov)
-
-
-def test_impulse_covariance_goes_through_the_dynamics_as_samples_do():
-    rng = np.random.default_rng(3)
-    A, S = rng.normal(size=(1, 3, 2)), np.array([[[0.5, 0.2], [0.2, 0.3]]])
-    c = rng.multivariate_normal([0, 0], S[0], 200_000)
-    assert np.cov((c @ A[0].T).T) == pytest.approx(through_dynamics(A, S)[0], rel=0.05, abs=0.02)
 
 
 def rest(n=400):

@@ -27,7 +27,7 @@ def on_a_corner(speed: float) -> tuple[np.ndarray, np.ndarray]:
 def test_a_dashpot_restitutes_as_the_oscillator_does_that_cannot_pull(zeta):
     contact = CornerContact(omega=1000.0, damping=0.0, dashpot=zeta, mu=0.0)
     q, v = on_a_corner(20.0)  # so fast that weight does not matter
-    _, after, took = press(BODY, contact, q, v, LONG, longest=0.02, dt=2e-6)
+    _, after, took = press(BODY, contact, q, v, LONG, dt=2e-6)
     # the force of −(Ω² x + 2 ζ Ω x') vanishes before the spring is relaxed
     root = np.sqrt(1.0 - zeta**2)
     expected = np.exp(-2.0 * zeta / root * np.arctan2(root, zeta))
@@ -40,7 +40,7 @@ def test_hunt_and_crossley_restitute_less_the_faster_and_all_of_it_when_slow():
     e = []
     for speed in (0.3, 1.0, 3.0):
         q, v = on_a_corner(speed)
-        _, after, _ = press(replace(BODY, gravity=0.0), contact, q, v, LONG, longest=0.02, dt=1e-6)
+        _, after, _ = press(replace(BODY, gravity=0.0), contact, q, v, LONG, dt=1e-6)
         e.append(after[0, 1] / speed)
     assert 1.0 > e[0] > e[1] > e[2] > 0.0
     # e − ln-law of Hunt-Crossley: d (1 + e) v = ln((1 + d v)/(1 − d e v))
@@ -54,7 +54,7 @@ def test_no_contact_gains_energy():
     after_q, after_v, _ = press(BODY, replace(CONTACT, flat=0.5, far=1.0), q, v, np.full(300, 0.02))
     assert (energy(after_q, after_v) <= energy(q, v) * (1.0 + 1e-3)).all()
     lossless = replace(CONTACT, damping=0.0, dashpot=0.0, mu=0.0)
-    after_q, after_v, took = press(BODY, lossless, q, v, np.full(300, 0.02), longest=0.02, dt=1e-5)
+    after_q, after_v, took = press(BODY, lossless, q, v, np.full(300, 0.02), dt=1e-5)
     left = took < 0.02 - 1e-9
     assert left.mean() > 0.9
     assert energy(after_q, after_v)[left] == pytest.approx(energy(q, v)[left], rel=5e-3)
@@ -82,8 +82,8 @@ def test_stiff_corners_without_friction_hit_like_the_law_with_their_restitution(
     root = np.sqrt(1.0 - z**2)
     e = np.exp(-2.0 * z / root * np.arctan2(root, z))
     law = LawImpact(LAWS["mirtich"], 0.0, e, RIG.k_g)
-    _, expected, _ = law(q, v, r, np.zeros(300, bool), np.random.default_rng(0))
-    _, after, _ = press(BODY, contact, q, v, np.full(300, 0.002), longest=0.002, dt=1e-6)
+    _, expected, _ = law(q, v, r, np.zeros(300, bool))
+    _, after, _ = press(BODY, contact, q, v, np.full(300, 0.002), dt=1e-6)
     error = velocity_error(after - expected, RIG.k_g)
     assert single.sum() > 100
     assert np.median(error[single]) < 0.02
@@ -118,16 +118,6 @@ def test_a_flat_landing_without_friction_is_what_a_solver_of_its_own_finds():
     path_q, path_v = compliant_path(BODY, contact, q, v, 0.012, dt=2e-6)
     assert path_v[0, 1:] * [1.0, RIG.k_g] == pytest.approx(end[2:] * [1.0, RIG.k_g], abs=5e-3)
     assert path_q[0, 1:] == pytest.approx(end[:2], abs=1e-4)
-
-
-def test_a_surface_that_gives_back_most_at_one_place_does():
-    contact = replace(CONTACT, place=0.1, width=0.05, far=2.0, far_dashpot=1.0)
-    q, v = on_a_corner(2.0)
-    rebound = []
-    for x in (0.1, 0.13, 0.3):
-        _, after, _ = press(BODY, contact, q + [x, 0.0, 0.0], v, LONG)
-        rebound.append(after[0, 1])
-    assert rebound[0] > rebound[1] > rebound[2]
 
 
 def test_landing_flat_gives_back_more_where_the_contact_says_so():

@@ -11,22 +11,14 @@ def t_rows(n: int, scale: np.ndarray, freedom: float, rng: np.random.Generator) 
     return scale * rng.standard_normal((n, len(scale))) * wide[:, None]
 
 
-@pytest.mark.parametrize("freedom", [3.0, 6.0])
+@pytest.mark.parametrize("freedom", [3.0, 6.0, np.inf])
 def test_student_finds_scales_and_tails(freedom):
     rng = np.random.default_rng(0)
     scales = [np.array([1.0, 0.5, 2.0]), np.array([0.3, 3.0, 1.0])]
     found, nu = student([t_rows(4000, s, freedom, rng) for s in scales])
-    assert nu == pytest.approx(freedom, rel=0.4)
+    assert nu == pytest.approx(freedom, rel=0.4) or (nu >= 20.0 and np.isinf(freedom))
     for a, b in zip(found, scales):
         assert a == pytest.approx(b, rel=0.05)
-
-
-def test_student_of_gaussians_is_gaussian():
-    rng = np.random.default_rng(1)
-    scale = np.array([1.0, 0.5, 2.0])
-    found, nu = student([t_rows(4000, scale, np.inf, rng)])
-    assert nu >= 20.0
-    assert found[0] == pytest.approx(scale, rel=0.05)
 
 
 def test_every_speed_has_one_range():

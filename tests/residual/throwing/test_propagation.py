@@ -15,9 +15,9 @@ from thesis_lib.thesis.residual.dice.models import contact_map, train_missed
 from thesis_lib.thesis.residual.dice.settings import DiceFitSettings, DiceStudySettings
 from thesis_lib.thesis.residual.throwing.compliant_contact import CornerContact
 from thesis_lib.thesis.residual.throwing.flight import fly
-from thesis_lib.thesis.residual.throwing.propagation import PENETRATION, Sampled, ScatteredLaw, wrench_map
+from thesis_lib.thesis.residual.throwing.propagation import PENETRATION, Sampled, ScatteredLaw
 from thesis_lib.thesis.residual.throwing.settings import ThrowSettings
-from thesis_lib.thesis.residual.throwing.throw import LawImpact, push, simulate_throws
+from thesis_lib.thesis.residual.throwing.throw import LawImpact, simulate_throws
 
 LAW = LawImpact(LAWS["mirtich"], 0.15, 0.5, RIG.k_g)
 WIDE = np.diag([0.2, 0.2, 0.005]) ** 2
@@ -65,13 +65,6 @@ def test_a_sample_that_ends_below_the_surface_is_lifted_onto_it():
     assert min(on_it.mean(), above.mean()) > 0.3  # a dent of a millimetre does not ask for another draw
 
 
-def test_the_wrench_map_is_what_an_impulse_does():
-    rng = np.random.default_rng(0)
-    r, c = rng.normal(size=(20, 2)) * 0.03, rng.normal(size=(20, 3))
-    expected = push(np.zeros((20, 3)), r, c, 0.02)
-    assert np.einsum("nij,nj->ni", wrench_map(r, 0.02), c) == pytest.approx(expected)
-
-
 @pytest.mark.slow
 def test_the_fit_finds_a_planted_body_and_contact():
     contacts = made_contacts(SOFT, 120)
@@ -115,10 +108,8 @@ def test_the_contact_map_learns_a_planted_residual_and_knows_how_well():
     settings = DiceStudySettings(training_contacts=250, process=GaussianProcessSettings(restarts=1, device="cpu"))
     contacts = made_contacts(TRUTH, 500, twist=0.1)
     known, new = contacts.select(np.arange(250)), contacts.select(np.arange(250, 500))
-    missed, _ = train_missed(TRUTH, known, settings, np.random.default_rng(0))
-    contact = contact_map("", TRUTH, missed, settings).contact
-    scatter, _ = train_missed(TRUTH, known, settings, np.random.default_rng(0), False)
-    plain = contact_map("", TRUTH, scatter, settings).contact
+    missed = (train_missed(TRUTH, known, settings, np.random.default_rng(0), learned)[0] for learned in (True, False))
+    contact, plain = (contact_map("", TRUTH, one, settings).contact for one in missed)
     t, q, v, r, _ = touch_down(TRUTH, new)
 
     def left(contact):

@@ -17,7 +17,7 @@ choose.  Splits then differ in their training impacts only, and intervals come f
 | `n_learned`   | 1    | the same within 5 % of the fall from the smallest to the largest n                         |
 """
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 import pandas as pd
@@ -40,10 +40,7 @@ NAMED = ("law", "law_rigid", "law_wrench", "effects", "effects_rigid", "effects_
 
 
 def learning_curves(
-    impacts: Impacts,
-    settings: LearningStudySettings,
-    rng: np.random.Generator,
-    say: Callable[[str], None] = lambda text: None,
+    impacts: Impacts, settings: LearningStudySettings, rng: np.random.Generator
 ) -> tuple[pd.DataFrame, pd.DataFrame]:
     """Errors of all laws, bounds and learners on random splits of impacts from `impact_study.study.select_impacts`.
 
@@ -55,7 +52,7 @@ def learning_curves(
     seed = int(rng.integers(2**63))
     curves, errors = [], []
     for split in range(settings.splits):
-        say(f"split {split + 1} of {settings.splits}")
+        print(f"split {split + 1} of {settings.splits}")
         train, held_out = _split(impacts, settings.held_out_share, generator(seed, "split", str(split)))
         sizes = _sizes(settings.sizes, len(train))
         shown = _nearest(sizes, settings.density_size)
@@ -85,12 +82,11 @@ def named_physics(
     model: SavedModel,
     settings: LearningStudySettings,
     rng: np.random.Generator,
-    say: Callable[[str], None] = lambda text: None,
 ) -> tuple[pd.DataFrame, pd.DataFrame]:
     """Named physics, then residual: errors on approaching impacts of the trials that the critique held out.
 
     `held_out` (n,) marks impacts whose trials the critique never used to choose; `law` is its base law, `model` its
-    model.json.  The splits of `settings` are here draws of the training impacts; `say` is called with a line for each.
+    model.json.  The splits of `settings` are here draws of the training impacts.
 
     Returns curves, a row per model, n and draw; and rungs, a row per model at the size of figure 4-5 with mean error
     over draws, its 95 % interval by the bootstrap over held-out trials, and the IRB bound of the data as published and
@@ -105,7 +101,7 @@ def named_physics(
     seed = int(rng.integers(2**63))
     curves, sums = [], dict.fromkeys(models, 0.0)
     for split in range(settings.splits):
-        say(f"draw {split + 1} of {settings.splits}")
+        print(f"draw {split + 1} of {settings.splits}")
         train = _in_random_order(pool, generator(seed, "draw", str(split)))
         for n, found in _trained(models, train, test, sizes, seed, split):
             curves += [_row(name, n, split, *of_model) for name, of_model in found.items()]

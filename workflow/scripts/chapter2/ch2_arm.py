@@ -15,7 +15,7 @@ from thesis_lib.thesis.identify.arm.study import arm_force_study, arm_force_summ
 params, out = snakemake.params, snakemake.output
 settings = ArmStudy.model_validate(params.settings)
 bodies = Chapter2Bodies.model_validate(params.bodies)
-found = arm_force_study(settings.trajectories, generator(params.seed, "ch2_arm"), settings, bodies, say=print)
+found = arm_force_study(generator(params.seed, "ch2_arm"), settings, bodies)
 print(f"trajectories left out: {found.left_out}")
 write_result(found.forces, out.forces)
 write_result(found.parameters, out.parameters)

@@ -32,7 +32,7 @@ try:
 except UserError as error:
     print(f"{error} Thrown without it.")
     model = None
-studies = dice_study(dataset, hits, impacts, model, settings, stream("study"), say=print)
+studies = dice_study(dataset, hits, impacts, model, settings, stream("study"))
 side, poses, shape = side_of(dataset), dataset.trajectories, dataset.shape
 tables = results.dice_tables(studies, settings, stream("tables"))
 of_first = results.tables_of_part(studies[0], side, settings, stream("widths"))
@@ -41,6 +41,7 @@ for stem, table in (*tables.items(), *of_first.items()):
 
 calibrated = tables["dice_throws"], tables["dice_calibration"]
 shown = results.examples(studies[0], side, settings, stream("examples"))
+compliant = studies[0].outcomes[results.COMPLIANT].thrower.model
 drawn = {
     "figure_4_3": dice.figure_4_3(poses, shown.samples, shape),
     "figure_4_4": dice.figure_4_4(shown.samples, shown.rest, side),
@@ -48,7 +49,7 @@ drawn = {
     "figure_4_8": dice.figure_4_8(tables["dice_throws"]),
     "figure_4_9": dice.figure_4_9(poses, hits, shape, shown.easy, shown.hard),
     "figure_4_10": dice.figure_4_10(shown.beliefs, shown.marks),
-    "figure_restitution": dice.figure_restitution(results.held_out_restitution(studies[0], settings)),
+    "figure_restitution": dice.figure_restitution(results.restitution(compliant, studies[0].contacts, settings.throw)),
     "figure_budget": dice.figure_budget(tables["dice_budget"]),
     "figure_calibration": dice.figure_calibration(*results.calibration(*calibrated)),
 }

@@ -20,7 +20,7 @@ stream = partial(generator, params.seed, "ch4_learn", dataset)
 
 impacts = read_dataset(Path(snakemake.input.header).parent).stated_impacts()
 impacts = select_impacts(impacts, params.filter, settings.max_impacts, stream("select"))
-curves, errors = study.learning_curves(impacts, settings, stream("splits"), say=print)
+curves, errors = study.learning_curves(impacts, settings, stream("splits"))
 write_result(curves, out.curves)
 write_result(errors, out.errors)
 write_result(study.curve_summary(curves), out.summary)

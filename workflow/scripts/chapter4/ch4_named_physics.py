@@ -25,7 +25,7 @@ impacts = select_impacts(impacts, params.filter, settings.max_impacts, stream("s
 held_out = study.held_out_by(read_table(critique / "impacts.csv", ["trial", "held_out"]), impacts)
 law = read_json(snakemake.input.diagnosis)["base_model"]["name"]
 model = load_model(critique / "model.json")
-curves, rungs = study.named_physics(impacts, held_out, law, model, settings, stream("draws"), say=print)
+curves, rungs = study.named_physics(impacts, held_out, law, model, settings, stream("draws"))
 write_result(curves, out.curves)
 write_result(study.curve_summary(curves), out.summary)
 write_result(rungs, out.rungs)

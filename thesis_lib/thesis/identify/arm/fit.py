@@ -41,7 +41,6 @@ KICK = (0.05, 3.0)  # sizes of kicks in standard errors, smallest and largest
 # of a coordinate's conditional standard error, over which differences are taken, in turn; 0 for derivatives
 SHARES = (1.0, 0.0, 0.3)
 SILENT = 1e-8  # share of the largest information below which a direction counts as not determined
-DEFAULT_FIT = ArmFitSettings()
 
 
 @dataclass(frozen=True)
@@ -60,7 +59,7 @@ class ArmFit:
     accepted: bool  # whether χ²/n passes the gate
 
 
-def fit(arm: ArmDisk, data: ArmData, rng: np.random.Generator, settings: ArmFitSettings = DEFAULT_FIT) -> ArmFit:
+def fit(arm: ArmDisk, data: ArmData, rng: np.random.Generator, settings: ArmFitSettings) -> ArmFit:
     """Maximum-likelihood parameters and forces of one motion; `accepted` says whether the fit passes the gate.
 
     Only the lengths, base, radius and gravity of `arm` are used.  `data` are from `shooting.measured`; `rng` draws
@@ -260,15 +259,5 @@ def _answer(shooting: Shooting, best: Candidates, chi2: float, gate: float) -> A
 
 def _nothing(data: ArmData) -> ArmFit:
     states, forces = np.full((data.steps + 1, 5), np.nan), np.full((data.steps, 2), np.nan)
-    return ArmFit(
-        theta=np.full(6, np.nan),
-        std=np.full(6, np.nan),
-        q=states,
-        v=states,
-        c_n=forces,
-        c_t=forces,
-        c_n_std=forces,
-        c_t_std=forces,
-        chi2=np.inf,
-        accepted=False,
-    )
+    theta = np.full(6, np.nan)
+    return ArmFit(theta, theta, states, states, forces, forces, forces, forces, chi2=np.inf, accepted=False)

@@ -16,14 +16,13 @@ median over contact, with its two neighbours: a dead impact takes two steps, and
 not spoil the other sum.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
 import pandas as pd
 
 from thesis_lib.simulate.mechanisms.base_parameters import base_parameters
-from thesis_lib.simulate.mechanisms.motions import DEFAULT, Chapter2Bodies, arm_disk, arm_trajectories
+from thesis_lib.simulate.mechanisms.motions import Chapter2Bodies, arm_disk, arm_trajectories
 from thesis_lib.simulate.mechanisms.noise_snr import add_noise
 from thesis_lib.simulate.stepping.arm_disk import ArmDisk
 from thesis_lib.simulate.stepping.stepping import SimulatedMotion
@@ -37,7 +36,6 @@ from thesis_lib.thesis.identify.programs.mode_qp import solve_mode_qp
 
 IMPACT = 10.0  # times the median force over contact, above which a step is an impact
 METHODS = ("exact", "plain", "ours")
-DEFAULT_STUDY = ArmStudy()
 
 
 @dataclass(frozen=True)
@@ -85,7 +83,7 @@ def arm_window(
     return window_of(
         states,
         regressor(arm, q[:-1], v[:-1], np.diff(v, axis=0) / h),
-        np.zeros_like(f_ext),
+        np.zeros(5),
         mu,
         NAMES,
         theta_min=np.array([-np.inf, 0.0, -np.inf, 0.0, 0.0, 0.0]),
@@ -100,7 +98,7 @@ def window_rank(window: ContactWindow) -> int:
 
 
 def arm_forces(
-    arm: ArmDisk, record: SimulatedMotion, mu: float, rng: np.random.Generator, settings: ArmStudy = DEFAULT_STUDY
+    arm: ArmDisk, record: SimulatedMotion, mu: float, rng: np.random.Generator, settings: ArmStudy
 ) -> ArmForces:
     """All methods on one trajectory; the inertia of `arm` is used only for the bound."""
     noisy = add_noise(record, settings.snr_db, rng)
@@ -148,25 +146,19 @@ def _relative(true: np.ndarray, found: np.ndarray) -> float:
     return float(np.sqrt(np.sum((found - true) ** 2) / scale)) if scale > 0.0 else np.nan
 
 
-def arm_force_study(
-    n: int,
-    rng: np.random.Generator,
-    settings: ArmStudy = DEFAULT_STUDY,
-    bodies: Chapter2Bodies = DEFAULT,
-    say: Callable[[str], None] = lambda text: None,
-) -> ArmForceTables:
-    """Simulate n trajectories with contact, add noise, and estimate forces and parameters by all methods.
+def arm_force_study(rng: np.random.Generator, settings: ArmStudy, bodies: Chapter2Bodies) -> ArmForceTables:
+    """Simulate trajectories with contact, add noise, and estimate forces and parameters by all methods.
 
     Raises:
         UserError: the settings give no trajectories with enough contact, or the arm has μ above 0.4 (its type forbids).
     """
     arm = arm_disk(bodies)
-    made = arm_trajectories(n, rng, bodies)
-    streams = rng.spawn(n)  # a trajectory's noise and starts do not depend on those before it
+    made = arm_trajectories(settings.trajectories, rng, bodies)
+    streams = rng.spawn(settings.trajectories)  # a trajectory's noise and starts do not depend on those before it
     done: tuple[ArmForces, ...] = ()
     for i, (record, stream) in enumerate(zip(made.records, streams)):
         done += (arm_forces(arm, record, bodies.arm.mu, stream, settings),)
-        say(f"trajectory {i}: χ²/n {done[-1].fit.chi2:.3f}")
+        print(f"trajectory {i}: χ²/n {done[-1].fit.chi2:.3f}")
     forces, parameters = tables_of(done, base_of(arm))
     return ArmForceTables(forces, parameters, done, made.left_out)
 

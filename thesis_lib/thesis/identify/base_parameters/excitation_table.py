@@ -111,17 +111,7 @@ def _sliding_rank(record: SimulatedMotion, window: ContactWindow, settings: Chap
     slides = window.touching[:, 0] & (window.v_t[:, 0] != 0.0) & (record.c_n[:, 0] > 0.0)
     if not slides.any():
         return -1
-    Y, _ = sliding_regressor(
-        record.v[:-1][slides],
-        record.v[1:][slides],
-        record.f_ext[slides],
-        record.J_n[slides, 0],
-        record.J_t[slides, 0],
-        h=record.h,
-        mu=window.mu,
-        gravity=settings.gravity,
-    )
-    columns = Y.reshape(-1, 4)
+    columns = sliding_regressor(record, window.mu, settings.gravity)[0][slides].reshape(-1, 4)
     size = np.linalg.norm(columns, axis=0)
     values = np.linalg.svd(columns[:, size > RANK_TOLERANCE] / size[size > RANK_TOLERANCE], compute_uv=False)
     return int((values > RANK_TOLERANCE * values[0]).sum()) if len(values) else 0

@@ -27,6 +27,7 @@ import numpy as np
 
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.simulate.mechanisms.base_parameters import linear_combination
+from thesis_lib.simulate.stepping.stepping import SimulatedMotion
 from thesis_lib.thesis.identify.base_parameters.window import ContactWindow
 
 FLOOR = 1e-9  # m/s², rad/s²: accelerations that are only the rounding of a velocity difference over a step
@@ -38,7 +39,6 @@ RANK_TOLERANCE = 1e-8
 class Identifiability:
     """Parameters that a window determines."""
 
-    names: tuple[str, ...]  # (n_Θ,)
     singular_values: np.ndarray  # (n_Θ,) of Ỹ with columns scaled by those of Y, 1
     rank: int  # number of independent combinations of Θ that the window determines
     null_space: np.ndarray  # (n_Θ, n_Θ − rank) changes of Θ that it does not see, largest entry 1
@@ -83,9 +83,8 @@ def identifiability(window: ContactWindow) -> Identifiability:
         null_space = null_space / np.abs(null_space).max(axis=0)
         # sign: the largest entry is +1
         null_space *= np.sign(null_space[np.abs(null_space).argmax(axis=0), np.arange(null_space.shape[1])])
-    return Identifiability(
-        window.names, values, rank, null_space, tuple(_warnings(window, null_space)) if rank < n else ()
-    )
+    warnings = tuple(_warnings(window, null_space)) if rank < n else ()
+    return Identifiability(values, rank, null_space, warnings)
 
 
 def _warnings(window: ContactWindow, null_space: np.ndarray) -> list[str]:
@@ -117,8 +116,8 @@ def _warnings(window: ContactWindow, null_space: np.ndarray) -> list[str]:
     return reasons
 
 
-def require_identifiable(window: ContactWindow) -> Identifiability:
-    """The identifiability of a window that determines every parameter.
+def require_identifiable(window: ContactWindow) -> None:
+    """Refuse a window that does not determine every parameter.
 
     Raises:
         UserError: it does not; the text names what cannot be identified and why.
@@ -126,33 +125,24 @@ def require_identifiable(window: ContactWindow) -> Identifiability:
     result = identifiability(window)
     if result.warnings:
         raise UserError(
-            f"the window determines {result.rank} of {len(result.names)} parameters ({', '.join(result.names)}): "
+            f"the window determines {result.rank} of {len(window.names)} parameters ({', '.join(window.names)}): "
             + "; ".join(result.warnings)
         )
-    return result
 
 
-def sliding_regressor(
-    v: np.ndarray,
-    v_next: np.ndarray,
-    f_ext: np.ndarray,
-    J_n: np.ndarray,
-    J_t: np.ndarray,
-    *,
-    h: float,
-    mu: float,
-    gravity: float = 9.81,
-) -> tuple[np.ndarray, np.ndarray]:
-    """Columns (n, 3, 4) of (m/I, 1/m, 1/I, m/I²) and left-hand side (n, 3) of eq. 2.18 multiplied out.
+def sliding_regressor(record: SimulatedMotion, mu: float, gravity: float) -> tuple[np.ndarray, np.ndarray]:
+    """Columns (m, 3, 4) of (m/I, 1/m, 1/I, m/I²) and left-hand side (m, 3) of eq. 2.18 multiplied out.
 
-    `v`, `v_next` (n, 3) are velocities before and after n steps in sliding contact at rest normally, `f_ext` (n, 3) is
-    in N, N m, `J_n`, `J_t` (n, 3) are the contact's Jacobian rows, `h` is in s, `gravity` in m/s², downwards.
+    They hold in the steps of a body with one contact pair in which it slides, at rest normally; `gravity` is in m/s²,
+    downwards.
     """
+    v, v_next, h = record.v[:-1], record.v[1:], record.h
+    J_n, J_t = record.J_n[:, 0], record.J_t[:, 0]
     s = -np.sign(np.einsum("kv,kv->k", J_t, v_next))
     j, e = J_n[:, 2], J_n[:, 2] + s * mu * J_t[:, 2]
     n_0 = v[:, 1] + j * v[:, 2] - h * gravity
     dx, dy, dw = (v_next - v).T
-    f_x, f_y, f_w = f_ext.T
+    f_x, f_y, f_w = record.f_ext.T
     zero = np.zeros(len(v))
     fall = dy + h * gravity
     columns = [

@@ -17,9 +17,8 @@ import numpy as np
 
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.simulate.mechanisms.scenes import NoisyMotion
-from thesis_lib.simulate.stepping.multibody import Mechanism, PlanarFreeBody
-from thesis_lib.simulate.stepping.stepping import SimulatedMotion
-from thesis_lib.thesis.identify.base_parameters.window import States, expected_gap
+from thesis_lib.simulate.stepping.multibody import PlanarFreeBody
+from thesis_lib.thesis.identify.base_parameters.window import ContactWindow, States, expected_gap
 
 # Newton steps; three or four are enough for a body unless contacts contradict each other
 ITERATIONS = 20
@@ -31,48 +30,45 @@ GAP_SIGMAS = 3.0  # gaps of this many sigmas of their noise count as contact
 class ProjectedRecord(States):
     """States projected to the contact manifold."""
 
-    closed: np.ndarray  # (m, p) contacts that were projected, for the window
+    closed: np.ndarray  # (m, p) contacts that were projected
+
+    def touching(self, window: ContactWindow) -> ContactWindow:
+        """The window of these states, with the gap of all contacts that were projected taken as zero."""
+        return replace(window, gap=np.where(self.closed, 0.0, window.gap))
 
 
 def project_to_contact(
-    record: SimulatedMotion | States,
-    mechanism: Mechanism,
-    *,
-    a_free: np.ndarray,
-    gap_tolerance: float,
-    v_tolerance: float,
-    metric: np.ndarray,
+    states: States, body: PlanarFreeBody, *, gap_tolerance: float, v_tolerance: float, metric: np.ndarray
 ) -> ProjectedRecord:
     """Move poses with contact until they touch, and velocities to exact sticking where they nearly stick.
 
-    Gaps and Jacobians of `record` are recomputed; `a_free` (m, nv) is the acceleration without contact forces.
-    `gap_tolerance` and `v_tolerance` (m, m/s) are a few standard deviations of the noise of gap and sliding velocity,
-    `metric` (nv,) is the diagonal of W.
+    Gaps and Jacobians of `states` are recomputed.  `gap_tolerance` and `v_tolerance` (m, m/s) are a few standard
+    deviations of the noise of gap and sliding velocity, `metric` (3,) is the diagonal of W.
 
     Raises:
         UserError: states are not finite.
     """
-    q, v = np.array(record.q, dtype=float), np.array(record.v, dtype=float)
+    q, v = np.array(states.q, dtype=float), np.array(states.v, dtype=float)
     if not (np.isfinite(q).all() and np.isfinite(v).all()):
         raise UserError("poses or velocities are not finite: repair or cut the record before projecting it")
     W_inverse = 1.0 / metric
-    steps = len(record.f_ext)
-    contacts = mechanism.contacts_of(q[:steps])
-    closed = expected_gap(contacts.phi, contacts.J_n, v[:steps], a_free, record.h, gap_tolerance) == 0.0
+    steps = len(states.f_ext)
+    contacts = body.contacts_of(q[:steps])
+    a_free = body.gravity(q[0]) / body.mass
+    closed = expected_gap(contacts.phi, contacts.J_n, v[:steps], a_free, states.h, gap_tolerance) == 0.0
     for k in np.flatnonzero(closed.any(axis=1)):
         for _ in range(ITERATIONS):
-            at = mechanism.contacts_of(q[k][None])
+            at = body.contacts_of(q[k][None])
             phi, J_n = at.phi[0, closed[k]], at.J_n[0, closed[k]]
             if np.abs(phi).max() <= CLOSED:
                 break
             q[k] -= _shortest(J_n, phi, W_inverse)
-    contacts = mechanism.contacts_of(q[:steps])
+    contacts = body.contacts_of(q[:steps])
     v_t = np.einsum("kpv,kv->kp", contacts.J_t, v[1 : steps + 1])
     sticks = closed & (np.abs(v_t) <= v_tolerance)
     for k in np.flatnonzero(sticks.any(axis=1)):
         v[k + 1] -= _shortest(contacts.J_t[k, sticks[k]], v_t[k, sticks[k]], W_inverse)
-    f_ext = np.asarray(record.f_ext, dtype=float)
-    return ProjectedRecord(record.h, q, v, f_ext, contacts.phi, contacts.J_n, contacts.J_t, closed)
+    return ProjectedRecord(states.h, q, v, states.f_ext, contacts.phi, contacts.J_n, contacts.J_t, closed)
 
 
 def _shortest(J: np.ndarray, value: np.ndarray, W_inverse: np.ndarray) -> np.ndarray:
@@ -96,14 +92,7 @@ def project_motion(motion: NoisyMotion) -> ProjectedRecord:
     The tolerances use the true noise level, which an estimator does not know: this is for figures, not for estimates.
     """
     body = motion.body
-    noisy = replace(motion.record, q=motion.observed.q, v=motion.observed.v)
+    states = States.of(body, motion.record.h, motion.observed.q, motion.observed.v, motion.record.f_ext)
     inertias = np.diag(body.mass_matrix(motion.record.q[0]))
     gap, slip = contact_tolerances(body, motion.observed.sigma)
-    return project_to_contact(
-        noisy,
-        body,
-        a_free=np.tile(body.gravity(motion.record.q[0]) / inertias, (noisy.steps, 1)),
-        gap_tolerance=gap,
-        v_tolerance=slip,
-        metric=inertias / body.mass,
-    )
+    return project_to_contact(states, body, gap_tolerance=gap, v_tolerance=slip, metric=inertias / body.mass)

@@ -33,6 +33,7 @@ GAP_TOLERANCE = 1e-9  # m: the same for gaps
 # m/s², acceleration by which a contact may close within a step, where the free acceleration is unknown: three times
 # gravity, a gap of h² times this is 0.7 mm
 ALLOWANCE = 30.0
+BY_STEP = ("Y", "f", "gap", "v_t", "J_n", "J_t")  # of a window, a row per step
 
 
 @dataclass(frozen=True)
@@ -61,7 +62,6 @@ class States:
 class ContactWindow:
     """m steps with p contact pairs."""
 
-    h: float  # s
     Y: np.ndarray  # (m, nv, n_Θ) regressor of the unknown parameters, f per Θ
     f: np.ndarray  # (m, nv) known generalised force in N, N m, known parameters' share removed
     gap: np.ndarray  # (m, p) φ̃ above in m, or 0 within `gap_tolerance`
@@ -73,16 +73,8 @@ class ContactWindow:
     theta_min: np.ndarray  # (n_Θ,) lower bounds of the unknown parameters
 
     def __post_init__(self) -> None:
-        m, nv, n_theta = np.shape(self.Y)
-        p = np.shape(self.gap)[1]
-        expected = {"f": (m, nv), "gap": (m, p), "v_t": (m, p), "J_n": (m, p, nv), "J_t": (m, p, nv)}
-        for name, shape in {**expected, "theta_min": (n_theta,)}.items():
-            if np.shape(getattr(self, name)) != shape:
-                raise ValueError(f"{name} must have shape {shape}, got {np.shape(getattr(self, name))}")
-        if len(self.names) != n_theta:
-            raise ValueError(f"{n_theta} parameters need as many names, got {self.names}")
-        for name in ("Y", *expected):
-            bad = np.flatnonzero(~np.isfinite(getattr(self, name)).reshape(m, -1).all(axis=1))
+        for name in BY_STEP:
+            bad = np.flatnonzero(~np.isfinite(getattr(self, name)).reshape(len(self), -1).all(axis=1))
             if len(bad):
                 raise UserError(
                     f"{name} is not finite at step {bad[0]} of the window ({len(bad)} steps in all): the data hold "
@@ -96,8 +88,7 @@ class ContactWindow:
 
     def __getitem__(self, steps: slice) -> "ContactWindow":
         """The window of these steps."""
-        parts = {name: getattr(self, name)[steps] for name in ("Y", "f", "gap", "J_n", "J_t", "v_t")}
-        return replace(self, **parts)
+        return replace(self, **{name: getattr(self, name)[steps] for name in BY_STEP})
 
     @property
     def force_scale(self) -> float:
@@ -142,9 +133,9 @@ class ContactWindow:
 
 
 def expected_gap(
-    phi: np.ndarray, J_n: np.ndarray, v: np.ndarray, a_free: np.ndarray, h: float, tolerance: float = GAP_TOLERANCE
+    phi: np.ndarray, J_n: np.ndarray, v: np.ndarray, a_free: np.ndarray, h: float, tolerance: float
 ) -> np.ndarray:
-    """φ̃ (m, p) in m of gaps phi (m, p), Jacobians J_n (m, p, nv), velocities v and accelerations a_free (m, nv).
+    """φ̃ (m, p) in m of gaps phi (m, p), Jacobians J_n (m, p, nv), velocities v (m, nv), acceleration a_free (nv,).
 
     Pairs that touch at the start of the step, phi <= `TOUCH`, count as closed, since another pair's impulse may keep
     them so.  So do gaps up to `tolerance` in m; with noisy data use a few standard deviations of the gap.
@@ -160,33 +151,29 @@ def window_of(
     mu: float,
     names: Sequence[str],
     *,
-    theta_min: np.ndarray | None = None,
-    closed: np.ndarray | None = None,
-    gap_tolerance: float = GAP_TOLERANCE,
+    theta_min: np.ndarray,
+    gap_tolerance: float,
     v_tolerance: float = V_TOLERANCE,
 ) -> ContactWindow:
     """A record as a window; its slices are windows of some steps.
 
-    `Y` (N, nv, n_Θ) includes gravity, Y Θ = f_ext + J' c; `a_free` (N, nv) is the acceleration without contact forces,
-    for the expected gap; `names` and lower bounds `theta_min` are (n_Θ,).  The gap of contacts `closed` (N, p) is taken
-    as zero; the tolerances are in m and m/s.
+    `Y` (N, nv, n_Θ) includes gravity, Y Θ = f_ext + J' c; `a_free` (nv,) is the acceleration without contact forces,
+    for the expected gap; `names` and lower bounds `theta_min` are (n_Θ,); the tolerances are in m and m/s.
 
     Raises:
         UserError: the data are not finite.
     """
     v_t = np.einsum("kpv,kv->kp", record.J_t, record.v[1:])
-    gap = expected_gap(record.phi, record.J_n, record.v[:-1], a_free, record.h, gap_tolerance)
     return ContactWindow(
-        h=record.h,
         Y=Y,
         f=np.asarray(record.f_ext, dtype=float),
-        gap=gap if closed is None else np.where(closed, 0.0, gap),
+        gap=expected_gap(record.phi, record.J_n, record.v[:-1], a_free, record.h, gap_tolerance),
         J_n=record.J_n,
         J_t=record.J_t,
         v_t=np.where(np.abs(v_t) <= v_tolerance, 0.0, v_t),
         mu=float(mu),
         names=tuple(names),
-        theta_min=np.full(Y.shape[2], -np.inf) if theta_min is None else np.asarray(theta_min, dtype=float),
+        theta_min=theta_min,
     )
 
 
@@ -195,33 +182,20 @@ def free_body_window(
     mu: float,
     body: PlanarFreeBody,
     *,
-    known: dict[str, float] | None = None,
-    closed: np.ndarray | None = None,
     gap_tolerance: float = GAP_TOLERANCE,
     v_tolerance: float = V_TOLERANCE,
 ) -> ContactWindow:
     """Window of one free body of unknown (m, I), whose origin is its centre of mass; of `body`, gravity is used.
 
-    `known` gives known parameters, such as {"m": 1.0}; without one and without external force, forces and parameters
-    have no common scale.  External forces do not enter the expected gap; within a step they change it by h² f/m, so
-    widen `gap_tolerance` where they are large.
+    Without external force and without a known parameter (`ContactWindow.fix`), forces and parameters have no common
+    scale.  External forces do not enter the expected gap; within a step they change it by h² f/m, so widen
+    `gap_tolerance` where they are large.
 
     Raises:
-        UserError: as `window_of` and `ContactWindow.fix`.
+        UserError: as `window_of`.
     """
     gravity = body.gravity(record.q[0])[:2] / body.mass
     a = np.diff(record.v, axis=0) / record.h
     Y = free_body_regressor(record.q[:-1], record.v[:-1], a, gravity)[:, :, [0, 3]]
-    a_free = np.broadcast_to([gravity[0], gravity[1], 0.0], a.shape)
-    window = window_of(
-        record,
-        Y,
-        a_free,
-        mu,
-        ("m", "I"),
-        theta_min=np.zeros(2),
-        closed=closed,
-        gap_tolerance=gap_tolerance,
-        v_tolerance=v_tolerance,
-    )
-    return window.fix(known) if known else window
+    limits = {"theta_min": np.zeros(2), "gap_tolerance": gap_tolerance, "v_tolerance": v_tolerance}
+    return window_of(record, Y, np.array([*gravity, 0.0]), mu, ("m", "I"), **limits)

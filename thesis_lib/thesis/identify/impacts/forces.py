@@ -42,7 +42,7 @@ from thesis_lib.thesis.identify.impacts.measured_ratio import ImpactLink
 from thesis_lib.thesis.identify.impacts.settings import ImpactForces
 
 METHODS = ("arcs", "arcs_link")
-THESIS = {"mean": -12.12, "std": 31.59, "average": 135.0}  # N: error of the peak, and the peak; section 2.5
+THESIS = {"mean": -12.12, "std": 31.59}  # N: error of the peak; section 2.5
 LEVELS = {68: 0.994457883209753, 95: Z95}  # %: two-sided normal quantiles
 NOT_DETECTED = "not_detected"
 _LONGEST = 4.0  # contact times after which an unfinished contact does not count as an impact

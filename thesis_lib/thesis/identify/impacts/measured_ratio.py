@@ -58,9 +58,6 @@ CORNERED: tuple[tuple[str, ...], ...] = (
     ("angle_offset", "rounded_corners"),
 )
 AS_PUBLISHED = "as_published"
-# 1/m², section 2.5: the authors' value, their estimate and the standard deviation of its error, on 280 unpublished
-# drops.  Their value is near 4/(a² + b²) = 540.5 with the axes of 70 and 50 mm for the semi-axes, which give 2162.
-THESIS = {"truth": 535.03, "estimate": 587.50, "std": 27.6}
 TUKEY = 4.685  # of the biweight: 95 % efficient on normal noise; beyond it a weight is 0
 MIN_IMPACTS = 8
 BENT = "arc_deviation"  # of impacts whose arcs differ from free flight; other flags depend on k or μ and are not used
@@ -262,11 +259,12 @@ def measured_ratio(
     rig = Rig(dataset.shape, dataset.k_g, dataset.gravity, dataset.height)
     variants = CORNERED if EFFECTS["rounded_corners"].applies_to(rig) else SMOOTH
     stream = streams(rng)
-    rows = [_row(dataset.name, impacts, left_out, rig, variant, stream(*variant), settings) for variant in variants]
+    rows = [_row(impacts, rig, variant, stream(*variant), settings) for variant in variants]
     if dataset.name == "planar_impact":
         earlier = replace(impacts, v_post=impacts.v_post + [0.0, EARLIER_VY_POST, 0.0])
-        row = _row(dataset.name, earlier, left_out, rig, ("mirrored_rotation",), stream(EARLIER), settings)
+        row = _row(earlier, rig, ("mirrored_rotation",), stream(EARLIER), settings)
         rows.append(row | {"variant": f"{row['variant']}+{EARLIER}"})
+    rows = [{"dataset": dataset.name, "n_left_out": left_out} | row for row in rows]
     return pd.DataFrame(rows, columns=list(COLUMNS))
 
 
@@ -277,13 +275,7 @@ def absent(name: str) -> pd.DataFrame:
 
 
 def _row(
-    name: str,
-    impacts: Impacts,
-    left_out: int,
-    rig: Rig,
-    variant: tuple[str, ...],
-    rng: np.random.Generator,
-    settings: MeasuredRatio,
+    impacts: Impacts, rig: Rig, variant: tuple[str, ...], rng: np.random.Generator, settings: MeasuredRatio
 ) -> dict[str, object]:
     link = ImpactLink(impacts, rig, variant)
     fit = fit_ratio(link)
@@ -294,7 +286,6 @@ def _row(
     sides = link.sides(fit.p)
     lower, upper = regressions(*sides, fit.weight / fit.sigma**2)
     row: dict[str, object] = {
-        "dataset": name,
         "variant": "+".join(variant) or AS_PUBLISHED,
         "ratio": fit.p[0],
         "std": spread[:, 0].std(ddof=1),
@@ -304,7 +295,6 @@ def _row(
         "lower": lower,
         "upper": upper,
         "n": len(impacts),
-        "n_left_out": left_out,
         "n_outliers": int((~inlier).sum()),
         **spreads(*sides, link.trial, rng),
         "status": "ok" if fit.converged else "not converged",

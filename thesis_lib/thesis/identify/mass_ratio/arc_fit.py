@@ -95,7 +95,15 @@ def _newton_step(
     multiplier = by_w + np.einsum("bge,be->bg", by_eta, d_eta)
     du = e - np.einsum("bcig,bg->bci", PG, multiplier)
     size = np.sqrt(np.einsum("bcij,bcj->bci", s.root, du) ** 2).max(axis=(1, 2))
-    fraction = _line_search(model, u, eta, travel, du, d_eta, multiplier)
+    # the fraction of the step with the least exact-penalty merit ½ χ² + Σ 2 |λ g| (½ g² for soft rows)
+    soft, merits = model.variance > 0, []
+    for part in _BACKTRACK:
+        trial = u + part * du
+        g = model.rows(trial, model.motion(trial), eta + part * d_eta, travel)
+        penalty = np.where(soft, 0.5 * g**2, 2.0 * np.abs(multiplier * g)).sum(axis=1)
+        merits.append(0.5 * _chi2(s, trial - s.u) + penalty)
+    best = np.argmin(np.where(np.isfinite(merits), merits, np.inf), axis=0)
+    fraction = np.array(_BACKTRACK)[best]
     return u + fraction[:, None, None] * du, eta + fraction[:, None] * d_eta, size
 
 
@@ -117,28 +125,6 @@ def _information(G_eta: np.ndarray, solved: np.ndarray) -> np.ndarray:
     n = np.arange(information.shape[1])
     information[:, n, n] += _SOFT_PRIOR
     return information
-
-
-def _line_search(
-    model: ArcModel,
-    u: np.ndarray,
-    eta: np.ndarray,
-    travel: np.ndarray,
-    du: np.ndarray,
-    d_eta: np.ndarray,
-    multiplier: np.ndarray,
-) -> np.ndarray:
-    """Fraction (B,) of the Newton step with the least exact-penalty merit ½ χ² + Σ 2 |λ g| (½ g² for soft rows)."""
-    soft = model.variance > 0
-    merits = []
-    for fraction in _BACKTRACK:
-        trial = u + fraction * du
-        g = model.rows(trial, model.motion(trial), eta + fraction * d_eta, travel)
-        penalty = np.where(soft, 0.5 * g**2, 2.0 * np.abs(multiplier * g)).sum(axis=1)
-        merits.append(0.5 * _chi2(model.s, trial - model.s.u) + penalty)
-    merits = np.array(merits)
-    best = np.argmin(np.where(np.isfinite(merits), merits, np.inf), axis=0)
-    return np.array(_BACKTRACK)[best]
 
 
 def _chi2(statistics: ArcStatistics, du: np.ndarray) -> np.ndarray:

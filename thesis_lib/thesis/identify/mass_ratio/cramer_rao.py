@@ -51,24 +51,17 @@ def true_impacts(record: SimulatedMotion, mu: float) -> TrueImpacts:
 
 
 def ratio_bound(
-    h: float,
-    q: np.ndarray,
-    v: np.ndarray,
-    sigma: np.ndarray,
-    impacts: TrueImpacts,
-    shape: BodyShape,
-    gravity: float = 9.81,
-    *,
-    law: bool = False,
+    record: SimulatedMotion, sigma: np.ndarray, impacts: TrueImpacts, shape: BodyShape, gravity: float, law: bool
 ) -> float:
     """Least standard deviation of m/I in 1/m²; infinite if the drop does not determine it.
 
-    `h` in s, `gravity` in m/s²; `q`, `v` (m+1, 3) are true states, `sigma` (2, 3) is their noise.  With `law`, Newton's
+    `record` is the true motion, `sigma` (2, 3) the noise of its states, `gravity` in m/s².  With `law`, Newton's
     restitution and Coulomb's friction are known to hold, with unknown coefficients.
 
     Raises:
         UserError: the states cannot be a drop, or the noise is not positive.
     """
+    h, q, v = record.h, record.q, record.v
     check_states(h, q, v)
     if not (np.asarray(sigma) > 0).all():
         raise UserError("The Cramér-Rao bound needs noise above zero in every channel: without noise it is zero.")

@@ -136,22 +136,17 @@ class DropHypotheses:
 
         E[f(û)] - f(u) = ½ Σ_i L_i' f'' L_i with L L' = N⁻¹ the covariance of the arcs; f'' by refitting at u ± L_i.
         """
-        s = best.statistics.take(np.array([best.row]))
-        u, n = best.fit.u[best.row], s.u.shape[2]
-        columns = np.swapaxes(np.linalg.inv(s.root[0]), 1, 2)  # (3, n, n): rows are the columns of R⁻¹
+        u, root = best.fit.u[best.row], best.statistics.root[best.row]
+        n = u.shape[1]
+        columns = np.swapaxes(np.linalg.inv(root), 1, 2)  # (3, n, n): rows are the columns of R⁻¹
         moves = np.zeros((3 * n, 3, n))
         for c in range(3):
             moves[c * n : (c + 1) * n, c] = columns[c]
         moved = np.concatenate([u[None], u + moves, u - moves])
-        B = len(moved)
-        rows = np.zeros(B, dtype=int)
-        statistics = replace(s.take(rows), u=moved)
-        modes = None if best.modes is None else np.repeat(best.modes[[best.row]], B, axis=0)
-        fit = fit_arcs(
-            self._model(statistics, np.repeat(best.vertices[[best.row]], B, axis=0), modes),
-            moved,
-            np.repeat(best.fit.eta[[best.row]], B, axis=0),
-        )
+        rows = np.full(len(moved), best.row)
+        statistics = replace(best.statistics.take(rows), u=moved)
+        modes = None if best.modes is None else best.modes[rows]
+        fit = fit_arcs(self._model(statistics, best.vertices[rows], modes), moved, best.fit.eta[rows])
         if not fit.converged.all():
             return 0.0
         return float(0.5 * (fit.ratio[1:] - fit.ratio[0]).sum())
@@ -197,10 +192,6 @@ class DropHypotheses:
         # a higher vertex can hit if the angle is uncertain, or a few steps later (two hits in a row)
         travel = 2.0 * self.h * np.abs(s.u[:, 1, 2:])
         able = above <= 4.0 * theta_std[..., None] * turn + travel[..., None]
-        rows, chosen = [], []
-        for b in range(B):
-            options = [np.flatnonzero(able[b, j]) for j in range(J)]
-            for pick in itertools.product(*options):
-                rows.append(b)
-                chosen.append(pick)
-        return np.array(rows), np.array(chosen, dtype=int)
+        found = [(b, pick) for b in range(B) for pick in itertools.product(*map(np.flatnonzero, able[b]))]
+        rows, chosen = map(np.array, zip(*found))
+        return rows, chosen

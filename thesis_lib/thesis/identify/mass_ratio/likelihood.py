@@ -30,7 +30,7 @@ Sources: thesis eq. 2.3, 2.18-2.23; W. A. Fuller, Measurement Error Models, Wile
 multiplies noisy quantities: least squares on (1) is biased, maximum likelihood not to first order).
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -101,6 +101,7 @@ class ImpactMotion:
         return self.omega_before + self.d_omega
 
 
+@dataclass
 class ArcModel:
     """The rows g of (1), (3) and (4), in this order, and their derivatives, for B hypotheses.
 
@@ -109,21 +110,18 @@ class ArcModel:
     adds (3) to the likelihood.  `h` is in s, `gravity` in m/s².
     """
 
-    def __init__(
-        self,
-        statistics: ArcStatistics,
-        vertices: np.ndarray,
-        h: float,
-        shape: BodyShape,
-        gravity: float,
-        modes: np.ndarray | None = None,
-        use_gap: bool = False,
-    ):
-        self.s, self.vertices, self.h, self.shape, self.gravity = statistics, vertices, h, shape, gravity
-        self.modes, self.use_gap = modes, use_gap
-        self.B, self.J = statistics.steps.shape
+    s: ArcStatistics
+    vertices: np.ndarray
+    h: float
+    shape: BodyShape
+    gravity: float
+    modes: np.ndarray | None = None
+    use_gap: bool = False
+
+    def __post_init__(self):
+        self.B, self.J = self.s.steps.shape
         # linear maps (B, J, 2+J) from a channel of u to the impacts: position, velocity change, before and after
-        self.time = h * statistics.steps.astype(float)
+        self.time = self.h * self.s.steps.astype(float)
         delay = np.maximum(self.time[:, :, None] - self.time[:, None, :], 0.0)
         ones = np.ones((self.B, self.J, 1))
         each = np.broadcast_to(np.eye(self.J), (self.B, self.J, self.J))
@@ -136,7 +134,7 @@ class ArcModel:
     def take(self, rows: np.ndarray) -> "ArcModel":
         """The hypotheses `rows`."""
         modes = None if self.modes is None else self.modes[rows]
-        return ArcModel(self.s.take(rows), self.vertices[rows], self.h, self.shape, self.gravity, modes, self.use_gap)
+        return replace(self, s=self.s.take(rows), vertices=self.vertices[rows], modes=modes)
 
     def angles(self, u: np.ndarray) -> np.ndarray:
         """Angles (B, J) in rad at the impacts of arcs u (B, 3, 2+J)."""

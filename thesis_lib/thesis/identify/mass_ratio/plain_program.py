@@ -87,22 +87,15 @@ def treated_ratio(
     states = States.of(body, h, q, v, np.zeros((len(q) - 1, 3)))
     reach = body.shape.extent
     gap, slip = contact_tolerances(body, sigma)
-    closed = None
     if treatment == "projected":
         # a uniform disk of that extent stands for the inertia, which is not known
         metric = np.array([1.0, 1.0, 0.5 * reach**2])
-        a_free = np.tile(body.gravity(q[0]) / body.mass, (len(q) - 1, 1))
-        states = project_to_contact(states, body, a_free=a_free, gap_tolerance=gap, v_tolerance=slip, metric=metric)
-        closed, gap, slip = states.closed, 0.0, 0.0
-    window = free_body_window(
-        states,
-        mu,
-        body,
-        known={"m": body.mass},
-        closed=closed,
-        gap_tolerance=max(gap, GAP_TOLERANCE),
-        v_tolerance=max(slip, V_TOLERANCE),
-    )
+        states = project_to_contact(states, body, gap_tolerance=gap, v_tolerance=slip, metric=metric)
+        window = states.touching(free_body_window(states, mu, body))
+    else:
+        tolerances = {"gap_tolerance": max(gap, GAP_TOLERANCE), "v_tolerance": max(slip, V_TOLERANCE)}
+        window = free_body_window(states, mu, body, **tolerances)
+    window = window.fix({"m": body.mass})
     inertia = float(solve_mode_qp(window, PROGRAMS[treatment]).theta[0])
     low, high = np.array(SEARCH) / reach**2
     return float(np.clip(body.mass / inertia if inertia > 0.0 else high, low, high))

@@ -11,8 +11,7 @@ other have a scale each.  The sign is that with which contacts push.
 
 | in code           | on paper            | unit | shape |
 |-------------------|---------------------|------|-------|
-| `singular_values` | σ of Ỹ S⁻¹, falling | 1    | (n_Θ,) |
-| `theta`           | Θ, one of it 1      | per `unit` | (n_Θ,) |
+| `theta`           | Θ over its first, m | 1, m² | (n_Θ,) |
 
 With noise the least singular value is not 0, and which Θ has the least misfit depends on S; a parameter that only noise
 excites comes out too small, as with known mass (`mass_ratio.plain_program`).
@@ -33,24 +32,21 @@ from thesis_lib.thesis.identify.programs.mode_qp import admissible, amplitudes, 
 from thesis_lib.thesis.identify.programs.result import ProgramResult, judged
 
 
-def solve_homogeneous(window: ContactWindow, unit: str = "m") -> tuple[ProgramResult, np.ndarray]:
-    """Θ and c over the parameter `unit`, which is 1, from a window without known force; and the singular values (n_Θ,).
+def solve_homogeneous(window: ContactWindow) -> ProgramResult:
+    """Θ and c over the first parameter, which is 1, from a window without known force.
 
     Raises:
-        UserError: a force or a parameter is known, there is no such parameter, or more than the scale is undetermined.
+        UserError: a force or a parameter is known, or more than the scale is undetermined.
     """
     if np.abs(window.f).max(initial=0.0) > FLOOR:
         raise UserError("the window has a known force or parameter, which sets the scale: use solve_mode_qp")
-    if unit not in window.names:
-        raise UserError(f"no parameter {unit!r} in this window; there are {', '.join(window.names)}")
     n = len(window.names)
     if (known := identifiability(window)).rank < n - 1:
         raise UserError("more than the scale is undetermined: " + "; ".join(known.warnings))
     edges = edges_of(window, "2.12")
     Y, _, inverse = without_forces(window, edges)
     scale = np.linalg.norm(window.Y.reshape(-1, n), axis=0)
-    values, V = np.linalg.svd(Y.reshape(-1, n) / scale, full_matrices=False)[1:]
-    theta = V[-1] / scale
+    theta = np.linalg.svd(Y.reshape(-1, n) / scale, full_matrices=False)[2][-1] / scale
     amplitude = amplitudes(window, inverse, theta, len(edges))
     sign = np.sign(amplitude.sum()) or np.sign(theta @ scale)
     # the largest force that parameters or contacts take part in is 1, as residuals are told in that unit
@@ -60,8 +56,8 @@ def solve_homogeneous(window: ContactWindow, unit: str = "m") -> tuple[ProgramRe
     cost = float(np.sum(window.residual(theta, c_n, c_t) ** 2))
     pushes = admissible(window, theta, amplitude)
     result = judged(window, "singular value", pushes, theta, c_n, c_t, cost)
-    one = theta[window.names.index(unit)] or 1.0  # a unit that comes out as 0 explains nothing, and the status says so
-    return replace(result, theta=theta / one, c_n=c_n / one, c_t=c_t / one), values
+    one = theta[0] or 1.0  # a unit that comes out as 0 explains nothing, and the status says so
+    return replace(result, theta=theta / one, c_n=c_n / one, c_t=c_t / one)
 
 
 def ratios_table(settings: Chapter2Bodies = DEFAULT) -> pd.DataFrame:
@@ -78,7 +74,7 @@ def ratios_table(settings: Chapter2Bodies = DEFAULT) -> pd.DataFrame:
         body = bodies[re.split("[ ,]", name)[0]]
         row: dict[str, object] = {"case": name, "truth": body.mass / body.inertia, "found": 0}
         try:
-            found, _ = solve_homogeneous(window)
+            found = solve_homogeneous(window)
         except UserError:
             rows.append(row)
             continue

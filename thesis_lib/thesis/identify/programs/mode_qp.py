@@ -34,7 +34,6 @@ if TYPE_CHECKING:
     from scipy.sparse import csc_matrix
 
 Program = Literal["2.12", "2.13", "2.14", "2.14 soft"]
-PROGRAMS: tuple[Program, ...] = ("2.12", "2.13", "2.14", "2.14 soft")
 REACH = 0.05  # m: farther contacts get no force variables; a step of 5 ms closes this gap at 10 m/s
 NEGATIVE = 1e-12  # of the force scale: an amplitude above minus this is rounding of zero
 SUPPORT = 1e-7  # of the force scale: Clarabel's zeros end below it
@@ -58,9 +57,7 @@ class Edges:
         return len(self.step)
 
     def __getitem__(self, chosen: np.ndarray) -> "Edges":
-        return Edges(
-            self.step[chosen], self.pair[chosen], self.sign[chosen], self.direction[chosen], self.price[chosen]
-        )
+        return Edges(*(part[chosen] for part in (self.step, self.pair, self.sign, self.direction, self.price)))
 
 
 def edges_of(window: ContactWindow, program: Program) -> Edges:
@@ -179,8 +176,7 @@ def _clarabel(window: ContactWindow, edges: Edges, program: Program) -> tuple[bo
         nv = window.f.shape[1]
         for rows in residual.reshape(-1, nv):
             prog.AddQuadraticCost(2.0 * np.eye(nv), np.zeros(nv), rows, is_convex=True)
-    x = np.concatenate([theta, amplitude, residual]) if not hard else np.concatenate([theta, amplitude])
-    prog.AddLinearEqualityConstraint(A, b, x)
+    prog.AddLinearEqualityConstraint(A, b, np.concatenate([theta, amplitude, residual]))
     if len(edges):
         prog.AddBoundingBoxConstraint(0.0, np.inf, amplitude)
         prog.AddLinearCost(edges.price, amplitude)

@@ -117,7 +117,7 @@ def _whole(kind: str, record: SimulatedMotion, settings: Chapter2Bodies) -> True
         return TrueWindow(window, theta, record.c_n, record.c_t)
     body = BODIES[kind](settings)
     mu = settings.wheel.mu if kind == "wheel" else settings.mu
-    window = free_body_window(record, mu, body, known={"m": body.mass})
+    window = free_body_window(record, mu, body).fix({"m": body.mass})
     return TrueWindow(window, np.array([body.inertia]), record.c_n, record.c_t)
 
 
@@ -137,9 +137,10 @@ def _arm_window(record: SimulatedMotion, settings: Chapter2Bodies) -> tuple[Cont
     window = window_of(
         record,
         base.reduce(Y[:, :, used]),
-        np.zeros_like(record.f_ext),
+        np.zeros(5),
         settings.arm.mu,
         base.base_names,
+        theta_min=np.full(base.rank, -np.inf),
         gap_tolerance=ALLOWANCE * record.h**2,
     )
     return window, base.theta(np.array(truth)[used])

@@ -114,17 +114,12 @@ def plain_forces(
     _check(h, q, v)
     states = States.of(wheel, h, q, v, np.zeros((len(q) - 1, 3)))
     if sigma is None:
-        return solve_mode_qp(free_body_window(states, mu, wheel, known={"m": wheel.mass}))
+        return solve_mode_qp(free_body_window(states, mu, wheel).fix({"m": wheel.mass}))
     # gap y + r_y and velocity v_x - r_y ω of a tip within half a spoke's angle of the foot point
     reach = wheel.length * np.sin(np.pi / wheel.spokes)
-    window = free_body_window(
-        states,
-        mu,
-        wheel,
-        known={"m": wheel.mass},
-        gap_tolerance=TOLERANCE * float(np.hypot(sigma[0, 1], reach * sigma[0, 2])),
-        v_tolerance=TOLERANCE * float(np.hypot(sigma[1, 0], wheel.length * sigma[1, 2])),
-    )
+    gap = TOLERANCE * float(np.hypot(sigma[0, 1], reach * sigma[0, 2]))
+    slip = TOLERANCE * float(np.hypot(sigma[1, 0], wheel.length * sigma[1, 2]))
+    window = free_body_window(states, mu, wheel, gap_tolerance=gap, v_tolerance=slip).fix({"m": wheel.mass})
     # effect of noise on the dynamics: differences of v over h, with m l² as the largest possible inertia
     force = np.sqrt(2.0) * wheel.mass / h * sigma[1] * [1.0, 1.0, wheel.length**2]
     noise = TOLERANCE * float(np.linalg.norm(force)) / window.force_scale

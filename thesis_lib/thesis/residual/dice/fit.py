@@ -69,10 +69,8 @@ class DiceModel:
     @property
     def body(self) -> ThrownBody:
         """The thrown body."""
-        corners = CORNERS * self.half - np.array([self.c_x, self.c_y])
-        return ThrownBody(
-            tuple(map(tuple, corners.tolist())), self.rho, self.k_g, self.gravity, self.height, self.c_v, self.c_w
-        )
+        u = CORNERS * self.half - np.array([self.c_x, self.c_y])
+        return ThrownBody(u, self.rho, self.k_g, self.gravity, self.height, self.c_v, self.c_w)
 
     @property
     def impact(self) -> LawImpact:
@@ -113,8 +111,7 @@ def contact_path(
     if model.contact is not None:
         end_q, end_v = compliant_path(model.body, model.contact, q, v, until)
     else:
-        rng = np.random.default_rng(0)  # laws do not use it
-        end_q, end_v = state_at(model.body, q, v, until, model.impact, settings, rng)
+        end_q, end_v = state_at(model.body, q, v, until, model.impact, settings)
     stuck = ~np.isfinite(end_v).all(1)
     end_q[stuck], end_v[stuck] = q[stuck], 0.0
     return end_q, end_v

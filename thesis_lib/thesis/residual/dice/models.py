@@ -151,7 +151,7 @@ def hit_again(body: ThrownBody, law: LawImpact, impacts: Impacts, within: float)
     q = impacts.q.copy()
     q[:, 1] -= body.gap(q)  # measured heights are a millimetre off: the lowest corner touches
     r, corner = body.lowest(q[:, 2])
-    _, after, _ = law(q, impacts.v_pre, r, np.zeros(len(q), bool), np.random.default_rng(0))
+    _, after, _ = law(q, impacts.v_pre, r, np.zeros(len(q), bool))
     known = np.isfinite(after).all(axis=1)
     again = np.zeros(len(q), bool)
     t, other = first_touch(body, q[known], after[known])
@@ -198,11 +198,7 @@ def scattered(name: str, model: DiceModel, contacts: MeasuredContacts, settings:
 
 
 def train_missed(
-    model: DiceModel,
-    contacts: MeasuredContacts,
-    settings: DiceStudySettings,
-    rng: np.random.Generator,
-    learned: bool = True,
+    model: DiceModel, contacts: MeasuredContacts, settings: DiceStudySettings, rng: np.random.Generator, learned: bool
 ) -> tuple[dict, int]:
     """Keywords of a contact map for what a model misses of training contacts, and the number of outliers.
 

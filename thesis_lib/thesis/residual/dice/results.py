@@ -158,11 +158,6 @@ def calibration(throws: pd.DataFrame, coverage: pd.DataFrame) -> tuple[pd.DataFr
     return pd.concat(histograms, ignore_index=True), coverage[coverage["kind"] == "roll"]
 
 
-def held_out_restitution(study: DiceStudy, settings: DiceStudySettings) -> pd.DataFrame:
-    """Restitution against place of held-out contacts, measured and by the compliant contact (`restitution`)."""
-    return restitution(study.outcomes[COMPLIANT].thrower.model, study.contacts, settings.throw)
-
-
 def restitution(model: DiceModel, contacts: MeasuredContacts, settings: ThrowSettings) -> pd.DataFrame:
     """Restitution e_n = −v_n⁺/v_n⁻ at the touching corner against its place x (m), measured and by the fitted contact.
 

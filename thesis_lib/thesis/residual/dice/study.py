@@ -24,7 +24,6 @@ Later part 0 was set apart: a seed of its own (`parts_seed`) draws it, what was 
 the other parts alone, and part 0 was opened after that.  docs/findings.md says what has been changed since.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -87,15 +86,16 @@ def dice_study(
     critique: SavedModel | None,
     settings: DiceStudySettings,
     rng: np.random.Generator,
-    say: Callable[[str], None] = lambda _: None,
 ) -> list[DiceStudy]:
     """Studies of a dataset of throws of a square, one for each held-out part of the throws that is judged.
 
     `hits` are trial and t (s) of all detected hits (arcs.csv), `impacts` the isolated measured ones (impacts.csv);
-    `critique` is the critique's model (model.json), None omits it.  `say` is called with a line for each part.
+    `critique` is the critique's model (model.json), None omits it.
     Raises UserError if the shape is not a square, or the critique's model has effects that throws do not know.
     """
     side = side_of(dataset)
+    believed = DiceModel(side / 2, 0.0, dataset.height, dataset.k_g, "mirtich", 0.1, 0.5, dataset.gravity)
+    criticised = None if critique is None else critique_model(critique, side)
     dataset = dataset.first_trials(settings.throws)
     trials = dataset.trials
     hits, impacts = hits[hits["trial"].isin(trials)], impacts.select(np.isin(impacts.trial, trials))
@@ -103,8 +103,8 @@ def dice_study(
     parts = parts_of(np.unique(measured.releases.trial), settings)[: settings.judged]
     studies = []
     for i, (part, part_rng) in enumerate(zip(parts, rng.spawn(len(parts)))):
-        studies.append(_one_part(dataset, measured, part, critique, side, settings, part_rng))
-        say(f"part {i}: {dict(studies[-1].tables['counts'].to_numpy().tolist())}")
+        studies.append(_one_part(believed, criticised, measured, part, settings, part_rng))
+        print(f"part {i}: {dict(studies[-1].tables['counts'].to_numpy().tolist())}")
     return studies
 
 
@@ -132,20 +132,20 @@ class Measured:
 
 
 def _one_part(
-    dataset: Dataset,
+    believed: DiceModel,
+    criticised: DiceModel | None,
     measured: Measured,
     part: np.ndarray,
-    critique: SavedModel | None,
-    side: float,
     settings: DiceStudySettings,
     rng: np.random.Generator,
 ) -> DiceStudy:
     """Train all models on the throws that are not in `part` and judge them on those that are."""
+    side = 2.0 * believed.half
     train_rng, _, named_rng = rng.spawn(3)  # what the second one was for is gone; the third keeps its numbers
     stream = streams(named_rng)
     train = np.setdiff1d(measured.releases.trial, part)
     training, held = measured.of(train), measured.of(part)
-    throwers, law_errors, outliers = _train(dataset, training, critique, side, settings, train_rng)
+    throwers, law_errors, outliers = _train(believed, criticised, training, settings, train_rng)
     law_model = throwers[0].model
 
     outcomes = {t.name: throw_held_out(t, held.releases, settings, stream("throw", t.name)) for t in throwers}
@@ -156,8 +156,8 @@ def _one_part(
         pits.append(impact_pits(t, isolated) if learned_impact else contact_pits(t, held.contacts, settings))
         limits.append(noise_limit(t, held.releases, side, settings, stream("limit", t.name)).assign(model=t.name))
     counts = {
-        "throws": int(dataset.trials.size),
-        "used": len(measured.releases.trial),
+        "throws": len(measured.releases) + sum(measured.releases.left_out.values()),
+        "used": len(measured.releases),
         **measured.releases.left_out,
         "train": len(train),
         "held_out": len(held.releases.trial),
@@ -182,20 +182,18 @@ def _one_part(
 
 
 def _train(
-    dataset: Dataset,
+    believed: DiceModel,
+    criticised: DiceModel | None,
     training: Measured,
-    critique: SavedModel | None,
-    side: float,
     settings: DiceStudySettings,
     rng: np.random.Generator,
 ) -> tuple[list[Thrower], pd.DataFrame, int]:
     """All models from training throws, the errors of the six laws, and the number of outlying contacts."""
     law_rng, named_rng = rng.spawn(2)
     stream = streams(named_rng)
-    believed = DiceModel(side / 2, 0.0, dataset.height, dataset.k_g, "mirtich", 0.1, 0.5, dataset.gravity)
     throwers, law_errors = law_models(believed, training.impacts, training.contacts, settings, law_rng)
-    if critique is not None:
-        throwers.append(scattered("critique", critique_model(critique, side), training.contacts, settings))
+    if criticised is not None:
+        throwers.append(scattered("critique", criticised, training.contacts, settings))
     c_v, c_w = flight_drag(training.flights)
     start = replace(believed, law=throwers[0].model.law, c_v=c_v, c_w=c_w)
     mechanisms = choose_mechanisms(start, training.contacts, stream("mechanisms"), settings.fit)

@@ -151,7 +151,7 @@ def summary(throws: pd.DataFrame, limit: pd.DataFrame, bootstrap: int, rng: np.r
             "wide_over_narrow": (part["spread_rest"].to_numpy(), _wide_over_narrow),
         }
         add(model, quantities)
-    for model, pair in _beside_plain(throws, "error", "error_certain").items():
+    for model, pair in _beside_plain(throws).items():
         add(model, {"mean_size_beyond_law": (pair, _beyond)})
     for model, part in limit.groupby("model", sort=False):
         still, kept = part["spread"].to_numpy(), part["face_kept"].to_numpy()
@@ -174,11 +174,11 @@ def _beyond(pair: np.ndarray) -> float:
     return float(np.abs(pair[:, 0].mean()) - np.abs(pair[:, 1].mean()))
 
 
-def _beside_plain(throws: pd.DataFrame, column: str, of_plain: str) -> dict[str, np.ndarray]:
-    """By model (n, 2): a column of its throws, and another one of the same throws by the plain law."""
-    plain = throws[throws["model"] == PLAIN].set_index("trial")[of_plain]
+def _beside_plain(throws: pd.DataFrame) -> dict[str, np.ndarray]:
+    """By model (n, 2): the errors of its throws, and those of the single ends of the same throws by the plain law."""
+    plain = throws[throws["model"] == PLAIN].set_index("trial")["error_certain"]
     others = throws[throws["model"] != PLAIN].groupby("model", sort=False)
-    return {model: np.column_stack([part[column], plain.loc[part["trial"]]]) for model, part in others}
+    return {model: np.column_stack([part["error"], plain.loc[part["trial"]]]) for model, part in others}
 
 
 def difficulty(throws: pd.DataFrame, bootstrap: int, rng: np.random.Generator) -> pd.DataFrame:
@@ -198,7 +198,7 @@ def difficulty(throws: pd.DataFrame, bootstrap: int, rng: np.random.Generator) -
         interval = spread(pair, spearman, bootstrap, stream(model, column, *key))
         rows.append((model, column, of, spearman(pair), *interval, len(pair)))
 
-    ends = _beside_plain(throws, "error", "error_certain")
+    ends = _beside_plain(throws)
     for model, part in throws.groupby("model", sort=False):
         for column in ("spread_first", "spread_rest", "first_slope"):
             add(model, column, "error", np.column_stack([part[column], part["error"].abs()]))

@@ -17,7 +17,7 @@ Sources: Hunt and Crossley 1975, doi:10.1115/1.3423596; Mindlin's tangential spr
 2000, chapter 5.  p and o were found in the residuals of the dice.
 """
 
-from dataclasses import dataclass, fields
+from dataclasses import astuple, dataclass
 
 import numpy as np
 from numba import njit
@@ -56,9 +56,6 @@ class CornerContact:
         return min(stiffness, positive, below_one, self.far + 1.0, self.far_dashpot + 1.0)
 
 
-PARAMETERS = tuple(field.name for field in fields(CornerContact))
-
-
 def compliant_path(
     body: ThrownBody, contact: CornerContact, q: np.ndarray, v: np.ndarray, until: np.ndarray, dt: float = DT
 ) -> tuple[np.ndarray, np.ndarray]:
@@ -72,9 +69,8 @@ def compliant_path(
         q[moving], v[moving] = fly(body, q[moving], v[moving], t)
         remaining[moving] -= t
         moving = moving[remaining[moving] > 1e-9]
-        if not len(moving):
-            break
-        q[moving], v[moving], took = press(body, contact, q[moving], v[moving], remaining[moving], LONGEST, dt)
+        left = np.minimum(remaining[moving], LONGEST)
+        q[moving], v[moving], took = press(body, contact, q[moving], v[moving], left, dt)
         remaining[moving] -= took
         # bodies that still press after `LONGEST` continue from the surface
         pressed = moving[took >= LONGEST - 1e-9]
@@ -87,23 +83,15 @@ def compliant_path(
 
 
 def press(
-    body: ThrownBody,
-    contact: CornerContact,
-    q: np.ndarray,
-    v: np.ndarray,
-    left: np.ndarray,
-    longest: float = LONGEST,
-    dt: float = DT,
+    body: ThrownBody, contact: CornerContact, q: np.ndarray, v: np.ndarray, left: np.ndarray, dt: float = DT
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """One contact of each of n touching bodies, until no corner presses or is about to return.
 
-    `q` and `v` (n, 3) are at the touch; the contact is cut off after `left` (n,) or `longest`, in s.  Returns pose and
-    velocity (n, 3) and the duration (n,) in s.
+    `q` and `v` (n, 3) are at the touch; the contact is cut off after `left` (n,) in s.  Returns pose and velocity
+    (n, 3) and the duration (n,) in s.
     """
-    c = contact
-    constants = np.array([*(getattr(c, name) for name in PARAMETERS), body.height, body.gravity, body.k_g**2, body.rho])
-    limit = np.minimum(left, longest).astype(float)
-    return _press(constants, np.ascontiguousarray(body.u), np.array(q, float), np.array(v, float), limit, dt)
+    constants = np.array([*astuple(contact), body.height, body.gravity, body.k_g**2, body.rho])
+    return _press(constants, np.ascontiguousarray(body.u), np.array(q, float), np.array(v, float), left, dt)
 
 
 @njit(cache=True, error_model="numpy")

@@ -35,18 +35,13 @@ class ThrownBody:
     Poses (n, 3) in m, rad and velocities (n, 3) in m/s, rad/s are those of its centre of mass.
     """
 
-    corners: tuple[tuple[float, float], ...]  # m, u_i: centres of the corners' arcs from the centre of mass
+    u: np.ndarray  # (k, 2) m, centres of the corners' arcs from the centre of mass
     rho: float  # m, radius of the arcs
     k_g: float  # m, radius of gyration
     gravity: float  # m/s²
     height: float = 0.0  # m, of the surface
     c_v: float = 0.0  # c_v, c_w: 1/s, linear drag of translation and spin
     c_w: float = 0.0
-
-    @cached_property
-    def u(self) -> np.ndarray:
-        """Centres of the corners' arcs, (k, 2) in m."""
-        return np.array(self.corners)
 
     @cached_property
     def reach(self) -> float:

@@ -59,7 +59,7 @@ class Sampled:
             if not len(pending):
                 break
         if len(pending):
-            q_law, v_law, _ = self.law(q[pending], v[pending], r[pending], slow[pending], rng)
+            q_law, v_law, _ = self.law(q[pending], v[pending], r[pending], slow[pending])
             out[pending] = np.hstack([q_law, v_law])
             took = took.copy()
             took[pending] = 0.0
@@ -79,7 +79,7 @@ class Sampled:
 
     def distribution(self, q: np.ndarray, v: np.ndarray, r: np.ndarray, slow: np.ndarray) -> Distribution:
         """The law, without scatter."""
-        _, after, _ = self.law(q, v, r, slow, np.random.default_rng(0))
+        _, after, _ = self.law(q, v, r, slow)
         n = len(q)
         return np.hstack([q, after]), np.zeros((n, 6, 6)), np.zeros(n)
 

@@ -59,9 +59,9 @@ class LawImpact:
     rig: Rig | None = None
 
     def __call__(
-        self, q: np.ndarray, v: np.ndarray, r: np.ndarray, slow: np.ndarray, rng: np.random.Generator
+        self, q: np.ndarray, v: np.ndarray, r: np.ndarray, slow: np.ndarray, rng: np.random.Generator | None = None
     ) -> tuple[np.ndarray, np.ndarray, float]:
-        """The pose unchanged, velocity after impact, zero time."""
+        """The pose unchanged, velocity after impact, zero time; a law draws nothing."""
         with np.errstate(all="ignore"):
             space = contact_space(v, r, mass=1.0, k_g=self.k_g)
             if self.effects:
@@ -144,13 +144,7 @@ def simulate_throws(
 
 
 def state_at(
-    body: ThrownBody,
-    q: np.ndarray,
-    v: np.ndarray,
-    until: np.ndarray,
-    impact: LawImpact,
-    settings: ThrowSettings,
-    rng: np.random.Generator,
+    body: ThrownBody, q: np.ndarray, v: np.ndarray, until: np.ndarray, impact: LawImpact, settings: ThrowSettings
 ) -> tuple[np.ndarray, np.ndarray]:
     """Pose and velocity (n, 3) at the times `until` (n,) in s, NaN beyond `max_contacts`."""
     n = len(q)
@@ -160,7 +154,7 @@ def state_at(
         if not len(moving):
             break
         states = q[moving], v[moving], remaining[moving]
-        q[moving], v[moving], t, touches = _next_contact(body, *states, impact, settings, rng)
+        q[moving], v[moving], t, touches = _next_contact(body, *states, impact, settings)
         remaining[moving] -= t
         moving = moving[touches]
     q[moving], v[moving] = np.nan, np.nan
@@ -174,7 +168,7 @@ def _next_contact(
     left: np.ndarray,
     impact: ImpactModel,
     settings: ThrowSettings,
-    rng: np.random.Generator,
+    rng: np.random.Generator | None = None,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Pose and velocity (n, 3) after the next contact, or after `left` (n,) in s if that is before it.
 
