@@ -18,17 +18,8 @@ rule claims:
     output:
         table="results/claims.csv",
         page=shown("claims", "results/claims.html"),
-    log:
-        "results/logs/claims.log",
-    benchmark:
-        "results/logs/benchmarks/claims.tsv"
-    conda:
-        "../envs/thesis.yaml"
-    resources:
-        **needs("claims"),
     params:
         scale=CONFIG.scale,
-        lib=code_of("claims"),
     message:
         "Comparing the results with what the thesis states"
     script:
@@ -40,16 +31,6 @@ rule findings:
         tables_read(OTHER_FOUND),
     output:
         OTHER_FOUND,
-    log:
-        "results/logs/findings.log",
-    benchmark:
-        "results/logs/benchmarks/findings.tsv"
-    conda:
-        "../envs/thesis.yaml"
-    resources:
-        **needs("findings"),
-    params:
-        lib=code_of("findings"),
     message:
         "What the proof of the critique and the claims ledger show"
     script:
@@ -67,14 +48,6 @@ rule provenance:
     output:
         made="results/provenance.json",
         columns="results/columns.csv",
-    log:
-        "results/logs/provenance.log",
-    benchmark:
-        "results/logs/benchmarks/provenance.tsv"
-    conda:
-        "../envs/thesis.yaml"
-    resources:
-        **needs("provenance"),
     params:
         scale=CONFIG.scale,
         seed=CONFIG.seed,
@@ -85,7 +58,6 @@ rule provenance:
             if dataset.origin in ("folder", "published")
         },
         columns={figure.name: dict(figure.columns) for figure in figures()},
-        lib=code_of("provenance"),
     message:
         "Recording versions, seed, commit and checksums of the data"
     script:
@@ -101,18 +73,9 @@ rule run_report:
     output:
         page="results/report.html",
         captions=directory("results/captions"),
-    log:
-        "results/logs/run_report.log",
-    benchmark:
-        "results/logs/benchmarks/run_report.tsv"
-    conda:
-        "../envs/thesis.yaml"
-    resources:
-        **needs("run_report"),
     params:
         scale=CONFIG.scale,
         absent=ABSENT,
-        lib=code_of("run_report"),
     message:
         "Gathering the main findings of all chapters on one page"
     script:
@@ -126,18 +89,9 @@ rule chapter_report:
         findings=lambda wildcards: (CH2_FOUND, CH3_FOUND, CH4_FOUND, CH5_FOUND)[int(wildcards.chapter) - 2],
     output:
         chapter_page("{chapter}"),
-    log:
-        "results/logs/chapter_report/{chapter}.log",
-    benchmark:
-        "results/logs/benchmarks/chapter_report/{chapter}.tsv"
-    conda:
-        "../envs/thesis.yaml"
-    resources:
-        **needs("chapter_report"),
     params:
         scale=CONFIG.scale,
         absent=ABSENT,
-        lib=code_of("chapter_report"),
     message:
         "Chapter {wildcards.chapter} on one page: {output}"
     script:

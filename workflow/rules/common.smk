@@ -1,7 +1,10 @@
 # Checked configuration, and what every rule needs.
+import re
 import shlex
 import sys
 from pathlib import Path
+
+from snakemake.resources import Resources
 
 sys.path.insert(0, workflow.basedir)  # makes thesis_lib importable in every script, on a cluster too
 
@@ -31,13 +34,7 @@ wildcard_constraints:
     chapter="[2-5]",
 
 
-SCRIPTS = {path.stem: path for path in Path(workflow.basedir, "workflow/scripts").glob("*/*.py")}
 SOURCES_OF_SCRIPTS = Sources(workflow.basedir)
-
-
-def code_of(script):
-    """Hash of the code that a script uses: an edit in thesis_lib reruns exactly the rules that use it."""
-    return SOURCES_OF_SCRIPTS.lib_hash(SCRIPTS[script])
 
 
 def settings(section, *keys):
@@ -49,12 +46,29 @@ def settings(section, *keys):
 REQUESTS = read_yaml(f"{workflow.basedir}/config/resources.yaml").content
 
 
-def needs(rule):
-    """Memory and time that a job asks of a cluster, from what it was measured to use; more after a failure."""
-    return {
-        "mem_mb": lambda wildcards, attempt: attempt * REQUESTS[rule]["mem_mb"],
-        "runtime": lambda wildcards, attempt: attempt * REQUESTS[rule]["runtime"],
-    }
+def complete(made_by):
+    """Give a rule what every rule with a script has: log, benchmark, environment, resources and the hash of its code.
+
+    The memory and time that a job asks of a cluster follow from what it was measured to use; more after a failure.
+    """
+    wildcards = "_".join(f"{{{name}}}" for name in dict.fromkeys(re.findall(r"{(\w+)", made_by.output[0])))
+    name = f"{made_by.name}/{wildcards}" if wildcards else made_by.name
+    made_by.log_modifier = made_by.benchmark_modifier = made_by.output_modifier
+    made_by.set_log(f"results/logs/{name}.log")
+    made_by.benchmark = f"results/logs/benchmarks/{name}.tsv"
+    made_by.conda_env = "../envs/thesis.yaml"
+    asked = REQUESTS[made_by.name]
+    made_by.resources.update(
+        Resources.from_mapping(
+            {
+                "mem_mb": lambda wildcards, attempt: attempt * asked["mem_mb"],
+                "runtime": lambda wildcards, attempt: attempt * asked["runtime"],
+            }
+        )
+    )
+    made_by.resources.update(workflow.resource_settings.overwrite_resources.get(made_by.name, {}))  # --set-resources
+    script = made_by.basedir.join(made_by.script).get_path_or_uri(secret_free=True)
+    made_by.set_params(lib=SOURCES_OF_SCRIPTS.lib_hash(script))  # an edit reruns exactly the rules that use it
 
 
 try:
