@@ -30,14 +30,10 @@ rule ch3_identify:
 
 rule ch3_evaluate:
     input:
+        **CH3_TABLES,
         header="results/impacts/{dataset}/dataset.yaml",
         impacts="results/impacts/{dataset}/impacts.csv",
         left_out="results/impacts/{dataset}/left_out.csv",
-        ensemble=CH3_TABLES["ensemble"],
-        individual=CH3_TABLES["individual"],
-        split=CH3_TABLES["split"],
-        topography=CH3_TABLES["topography"],
-        convergence=CH3_TABLES["convergence"],
     output:
         errors=f"{CH3}/errors.csv",
         summary=f"{CH3}/error_summary.csv",
@@ -106,11 +102,7 @@ rule ch3_trajectories:
 
 rule ch3_figures:
     input:
-        ensemble=CH3_TABLES["ensemble"],
-        individual=CH3_TABLES["individual"],
-        convergence=CH3_TABLES["convergence"],
-        topography=CH3_TABLES["topography"],
-        split=CH3_TABLES["split"],
+        **CH3_TABLES,
         header="results/impacts/{dataset}/dataset.yaml",
         impacts="results/impacts/{dataset}/impacts.csv",
         errors=f"{CH3}/errors.csv",
@@ -122,17 +114,6 @@ rule ch3_figures:
         "../scripts/chapter3/ch3_figures.py"
 
 
-rule ch3_findings:
-    input:
-        tables_read(CH3_FOUND),
-    output:
-        CH3_FOUND,
-    message:
-        "Chapter 3: what its figures and tables show"
-    script:
-        "../scripts/run/findings.py"
-
-
 rule chapter3:
     input:
         rules.ch3_published.output if "planar_impact" in CH3_DATASETS else [],
@@ -140,5 +121,5 @@ rule chapter3:
         rules.ch3_schematics.output,
         expand(rules.ch3_trajectories.output, dataset=CH3_WITH_TRAJECTORIES),
         expand(rules.ch3_figures.output, dataset=CH3_DATASETS),
-        rules.ch3_findings.output,
+        CH3_FOUND,
         chapter_page(3),

@@ -3,14 +3,6 @@ CH4 = "results/chapter4/{dataset}"
 CH4_DATASETS = [name for name in CONFIG.chapter4.datasets if DATASETS[name].present]
 CH4_CRITICISED = [name for name in CH4_DATASETS if name in CRITIQUE_DATASETS]
 CH4_DICE = [name for name in CONFIG.chapter4.dice_datasets if name in CH4_CRITICISED]
-CH4_CLAIMED = [  # what the ledger reads
-    *(f"results/chapter4/{name}/learning_{table}.csv" for name in CH4_DATASETS for table in ("ratios", "convergence")),
-    *(
-        f"results/chapter4/{name}/{table}.csv"
-        for name in CH4_DICE
-        for table in ("dice", "dice_difficulty", "dice_widths")
-    ),
-]
 CH4_DICE_TABLES = (
     *("parts", "throws", "limit", "difficulty", "parameters", "laws", "calibration", "counts"),
     *("budget", "widths", "readings"),
@@ -57,7 +49,6 @@ rule ch4_named_physics:
         summary=f"{CH4}/named_summary.csv",
         rungs=f"{CH4}/named_rungs.csv",
     params:
-        critique=lambda wildcards: f"results/critique/{wildcards.dataset}",
         settings=settings(CONFIG.chapter4.learning),
         filter=CONFIG.chapter3.filter,
         seed=CONFIG.seed,
@@ -107,7 +98,6 @@ rule ch4_dice:
         dice=shown("dice"),
     params:
         folder=lambda wildcards: DATASETS[wildcards.dataset].folder,
-        critique=lambda wildcards: f"results/critique/{wildcards.dataset}",
         settings=settings(CONFIG.chapter4.dice),
         seed=CONFIG.seed,
     message:
@@ -116,22 +106,11 @@ rule ch4_dice:
         "../scripts/chapter4/ch4_dice.py"
 
 
-rule ch4_findings:
-    input:
-        tables_read(CH4_FOUND),
-    output:
-        CH4_FOUND,
-    message:
-        "Chapter 4: what its figures and tables show"
-    script:
-        "../scripts/run/findings.py"
-
-
 rule chapter4:
     input:
         rules.ch4_schematics.output,
         expand(rules.ch4_figures.output, dataset=CH4_DATASETS),
         expand(rules.ch4_named_figure.output, dataset=CH4_CRITICISED),
         expand(f"{CH4}/dice.csv", dataset=CH4_DICE),
-        rules.ch4_findings.output,
+        CH4_FOUND,
         chapter_page(4),

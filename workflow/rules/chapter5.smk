@@ -159,17 +159,6 @@ rule ch5_hidden:
         "../scripts/chapter5/ch5_hidden.py"
 
 
-rule ch5_findings:
-    input:
-        tables_read(CH5_FOUND),
-    output:
-        CH5_FOUND,
-    message:
-        "Chapter 5: what its figures and tables show"
-    script:
-        "../scripts/run/findings.py"
-
-
 rule chapter5:
     input:
         rules.ch5_diagrams.output,
@@ -178,5 +167,5 @@ rule chapter5:
         rules.ch5_model.output,
         rules.ch5_showcase.output,
         rules.ch5_hidden.output,
-        rules.ch5_findings.output,
+        CH5_FOUND,
         chapter_page(5),

@@ -8,21 +8,6 @@ CH5_GAME_FILES = [
 CH5_SETS = [f"{CH5}/samples/set_{i}.csv" for i in range(CONFIG.chapter5.samples.sets)]
 CH5_STUDY_TABLES = ("games", "attempts", "curve", "paired", "success", "course", "needed", "statements")
 CH5_MODEL_TABLES = ("agreement", "abstractions", "cone", "height", "summary", "belief", "experts", "experts_summary")
-CH5_CLAIMED = [
-    f"{CH5}/{name}.csv"
-    for name in (
-        "movable_summary",
-        "study_curve",
-        "study_paired",
-        "study_success",
-        "study_statements",
-        "model_summary",
-        "model_agreement",
-        "model_belief",
-        "model_experts_summary",
-        "showcase_steering_summary",
-    )
-]
 CH5_HIDDEN_TABLES = ("summary", "pushes", "errors")
 CH5_FOUND = findings_of(5)
 

@@ -15,6 +15,7 @@ from thesis_lib.foundation.byte_code import keep_byte_code
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.foundation.provenance import Sources, value_sha256
 from thesis_lib.foundation.yaml_file import read_yaml
+from thesis_lib.thesis.ledger.format import read_ledger
 from thesis_lib.thesis.records.catalogue import figures, records, tables_read
 
 if Path(sys.executable).is_file():  # Snakemake puts it into commands without quotes (its issue 2645)
@@ -23,6 +24,18 @@ keep_byte_code()  # jobs inherit it, as they do the kernels that `import thesis_
 
 try:
     CONFIG = parse_config(config, workflow.configfiles)
+    DATASETS = {
+        name: locate(name, CONFIG.measured)
+        for name in dict.fromkeys(
+            (
+                *CONFIG.chapter3.datasets,
+                *CONFIG.chapter4.datasets,
+                *CONFIG.critique.datasets,
+                *SOURCES,
+                *SIMULATED,
+            )
+        )
+    }
 except UserError as error:
     raise WorkflowError(str(error))
 
@@ -47,7 +60,7 @@ REQUESTS = read_yaml(f"{workflow.basedir}/config/resources.yaml").content
 
 
 def complete(made_by):
-    """Give a rule what every rule with a script has: log, benchmark, environment, resources and the hash of its code.
+    """Add log, benchmark, environment, resources and the hash of its code, which all have that run a script.
 
     The memory and time that a job asks of a cluster follow from what it was measured to use; more after a failure.
     """
@@ -67,25 +80,8 @@ def complete(made_by):
         )
     )
     made_by.resources.update(workflow.resource_settings.overwrite_resources.get(made_by.name, {}))  # --set-resources
-    script = made_by.basedir.join(made_by.script).get_path_or_uri(secret_free=True)
+    script = Path(workflow.basedir, "workflow/rules", made_by.script)
     made_by.set_params(lib=SOURCES_OF_SCRIPTS.lib_hash(script))  # an edit reruns exactly the rules that use it
-
-
-try:
-    DATASETS = {
-        name: locate(name, CONFIG.measured)
-        for name in dict.fromkeys(
-            (
-                *CONFIG.chapter3.datasets,
-                *CONFIG.chapter4.datasets,
-                *CONFIG.critique.datasets,
-                *SOURCES,
-                *SIMULATED,
-            )
-        )
-    }
-except UserError as error:
-    raise WorkflowError(str(error))
 
 
 def dataset_files(wildcards):
@@ -133,3 +129,10 @@ def findings_of(chapter, datasets=(), **of_rules):
         if record.chapter == chapter and record.finding
         for dataset in (of_rules.get(record.job.rule, datasets) if "{dataset}" in record.file else [""])
     ]
+
+
+def tables_of_claims(wildcards):
+    """The tables that the ledger reads: those of the claims whose data this run has."""
+    present = {name for name, dataset in PRESENT.items() if dataset["present"]}
+    claims = read_ledger("config/claims").claims
+    return sorted({f"results/{claim.source.file}" for claim in claims if present.issuperset(claim.needs)})

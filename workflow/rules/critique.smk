@@ -1,11 +1,5 @@
 # The critique: which physical effect is missing from the contact models, for every dataset that is present.
 CRITIQUE_DATASETS = [name for name in CONFIG.critique.datasets if DATASETS[name].present]
-
-CRITIQUE_CLAIMED = [  # what the ledger reads
-    f"results/critique/{name}/law_free.csv"
-    for name, source in SOURCES.items()
-    if source.dimensions == 3 and DATASETS[name].present
-]
 CRITIQUE_FOUND = [f"results/critique/{name}/verdict.txt" for name in CRITIQUE_DATASETS]
 
 
@@ -43,21 +37,10 @@ rule critique_law_free:
         "../scripts/critique/critique_law_free.py"
 
 
-rule critique_findings:
-    input:
-        tables_read(CRITIQUE_FOUND),
-    output:
-        CRITIQUE_FOUND,
-    message:
-        "Critique: what it found in each dataset"
-    script:
-        "../scripts/run/findings.py"
-
-
 rule critique:
     input:
         expand("results/critique/{dataset}/report.html", dataset=CRITIQUE_DATASETS),
-        rules.critique_findings.output,
+        CRITIQUE_FOUND,
 
 
 PROOF = "results/critique/proof"
