@@ -16,7 +16,6 @@ include: "workflow/rules/chapter2.smk"
 include: "workflow/rules/chapter3.smk"
 include: "workflow/rules/critique.smk"
 include: "workflow/rules/chapter4.smk"
-include: "workflow/rules/chapter5_files.smk"
 include: "workflow/rules/chapter5.smk"
 include: "workflow/rules/claims.smk"
 

@@ -1,4 +1,15 @@
 # Chapter 5: abstractions of a Jenga tower, and a robot that plays.  Simulated throughout: no dataset is needed.
+CH5 = "results/chapter5"
+CH5_GAME_FILES = [
+    f"{CH5}/games/{policy}_{size}_{CONFIG.chapter5.towers.first_test + i}.json"
+    for (policy, size), towers in CONFIG.chapter5.games.played().items()
+    for i in range(towers)
+]
+CH5_SETS = [f"{CH5}/samples/set_{i}.csv" for i in range(CONFIG.chapter5.samples.sets)]
+CH5_STUDY_TABLES = ("games", "attempts", "curve", "paired", "success", "course", "needed", "statements")
+CH5_MODEL_TABLES = ("agreement", "abstractions", "cone", "height", "summary", "belief", "experts", "experts_summary")
+CH5_HIDDEN_TABLES = ("summary", "pushes", "errors")
+CH5_FOUND = findings_of(5)
 
 
 wildcard_constraints:

@@ -136,3 +136,17 @@ def tables_of_claims(wildcards):
     present = {name for name, dataset in PRESENT.items() if dataset["present"]}
     claims = read_ledger("config/claims").claims
     return sorted({f"results/{claim.source.file}" for claim in claims if present.issuperset(claim.needs)})
+
+
+def ch5_learned_from(wildcards):
+    """What a policy learns from: a set of samples, weights of PPO, or nothing."""
+    if wildcards.policy == "ppo":
+        return [f"{CH5}/ppo/policy_{wildcards.size}.pt"]
+    if wildcards.policy in CONFIG.chapter5.games.fixed:
+        return []
+    return [CH5_SETS[CONFIG.chapter5.samples.of_game(int(wildcards.tower))]]
+
+
+def ch5_scans(first, count):
+    """Scans of towers first, first + 1, ..."""
+    return [f"{CH5}/scans/tower_{seed}.csv" for seed in range(first, first + count)]
