@@ -50,12 +50,13 @@ def results(tmp_path_factory) -> dict[str, pd.DataFrame]:
             wildcards=SimpleNamespace(dataset="small"),
             log=[str(folder / f"{script}.log")],
         )
-        kept = sys.stdout, sys.stderr  # scripts send both to their log
-        try:
-            runpy.run_path(str(ROOT / f"workflow/scripts/chapter3/{script}.py"), init_globals={"snakemake": job})
-        finally:
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr("__main__.snakemake", job, raising=False)
+            patch.delitem(sys.modules, "thesis_lib.thesis.job", raising=False)
+            for stream in ("stdout", "stderr"):  # scripts send both to their log
+                patch.setattr(sys, stream, getattr(sys, stream))
+            runpy.run_path(str(ROOT / f"workflow/scripts/chapter3/{script}.py"))
             sys.stdout.close()
-            sys.stdout, sys.stderr = kept
     return {name: pd.read_csv(path) for name, path in paths.items()}
 
 

@@ -4,38 +4,14 @@ CH2_SHAPES = ("block", "ellipse")
 CH2_HIDDEN_TABLES = ("effects", "parameters", "summary", "forces")
 CH2_SETS = [name for name, source in SOURCES.items() if source.dimensions == 2]
 CH2_MEASURED = [name for name in CH2_SETS if DATASETS[name].present]
-CH2_CLAIMED = [
-    f"{CH2}/{table}.csv"
-    for table in (
-        "identifiability",
-        "homogeneous",
-        "table_2_1",
-        "impact_force_summary",
-        "measured_ratio",
-        "wheel_forces",
-        "wheel_mass",
-        "arm_summary",
-        "arm_forces",
-    )
-]  # what the ledger reads
-
 CH2_FOUND = findings_of(2, ch2_measured_ratio=CH2_MEASURED)
 
 
 rule ch2_schematics:
     output:
         drawn_by("ch2_schematics"),
-    log:
-        "results/logs/ch2_schematics.log",
-    benchmark:
-        "results/logs/benchmarks/ch2_schematics.tsv"
-    conda:
-        "../envs/thesis.yaml"
-    resources:
-        **needs("ch2_schematics"),
     params:
         bodies=settings(CONFIG.chapter2.bodies),
-        lib=code_of("ch2_schematics"),
     message:
         "Chapter 2: drawing the mechanisms"
     script:
@@ -47,20 +23,11 @@ rule ch2_motions:
         DATASETS["drops"].files,
     output:
         drawn_by("ch2_motions"),
-    log:
-        "results/logs/ch2_motions.log",
-    benchmark:
-        "results/logs/benchmarks/ch2_motions.tsv"
-    conda:
-        "../envs/thesis.yaml"
-    resources:
-        **needs("ch2_motions"),
     params:
         drops=lambda wildcards: DATASETS["drops"].folder,
         bodies=settings(CONFIG.chapter2.bodies),
         scenes=settings(CONFIG.chapter2.scenes),
         seed=CONFIG.seed,
-        lib=code_of("ch2_motions"),
     message:
         "Chapter 2: drawing simulated motions"
     script:
@@ -71,17 +38,8 @@ rule ch2_identifiability:
     output:
         table=f"{CH2}/identifiability.csv",
         homogeneous=f"{CH2}/homogeneous.csv",
-    log:
-        "results/logs/ch2_identifiability.log",
-    benchmark:
-        "results/logs/benchmarks/ch2_identifiability.tsv"
-    conda:
-        "../envs/thesis.yaml"
-    resources:
-        **needs("ch2_identifiability"),
     params:
         bodies=settings(CONFIG.chapter2.bodies),
-        lib=code_of("ch2_identifiability"),
     message:
         "Chapter 2: what contact identifies"
     script:
@@ -91,19 +49,10 @@ rule ch2_identifiability:
 rule ch2_programs:
     output:
         f"{CH2}/{{mechanism}}/programs.csv",
-    log:
-        "results/logs/ch2_programs/{mechanism}.log",
-    benchmark:
-        "results/logs/benchmarks/ch2_programs/{mechanism}.tsv"
-    conda:
-        "../envs/thesis.yaml"
-    resources:
-        **needs("ch2_programs"),
     params:
         settings=settings(CONFIG.chapter2.programs),
         bodies=settings(CONFIG.chapter2.bodies),
         seed=CONFIG.seed,
-        lib=code_of("ch2_programs"),
     message:
         "Chapter 2: equations 2.12 to 2.14 from random starts, {wildcards.mechanism}"
     script:
@@ -115,16 +64,6 @@ rule ch2_gather:
         expand(f"{CH2}/{{mechanism}}/programs.csv", mechanism=CONFIG.chapter2.programs.mechanisms),
     output:
         shown("programs"),
-    log:
-        "results/logs/ch2_gather.log",
-    benchmark:
-        "results/logs/benchmarks/ch2_gather.tsv"
-    conda:
-        "../envs/thesis.yaml"
-    resources:
-        **needs("ch2_gather"),
-    params:
-        lib=code_of("ch2_gather"),
     message:
         "Chapter 2: gathering the programs' success"
     script:
@@ -136,19 +75,10 @@ rule ch2_noise:
         drops=f"{CH2}/{{shape}}/table_2_1_drops.csv",
         left_out=f"{CH2}/{{shape}}/left_out_drops.csv",
         table=f"{CH2}/{{shape}}/table_2_1.csv",
-    log:
-        "results/logs/ch2_noise/{shape}.log",
-    benchmark:
-        "results/logs/benchmarks/ch2_noise/{shape}.tsv"
-    conda:
-        "../envs/thesis.yaml"
-    resources:
-        **needs("ch2_noise"),
     params:
         settings=settings(CONFIG.chapter2.table_2_1),
         bodies=settings(CONFIG.chapter2.bodies),
         seed=CONFIG.seed,
-        lib=code_of("ch2_noise"),
     message:
         "Chapter 2: identifying m/I from noisy drops of the {wildcards.shape}"
     script:
@@ -161,16 +91,6 @@ rule ch2_table_2_1:
     output:
         drawn_by("ch2_table_2_1"),
         table=shown("table_2_1"),
-    log:
-        "results/logs/ch2_table_2_1.log",
-    benchmark:
-        "results/logs/benchmarks/ch2_table_2_1.tsv"
-    conda:
-        "../envs/thesis.yaml"
-    resources:
-        **needs("ch2_table_2_1"),
-    params:
-        lib=code_of("ch2_table_2_1"),
     message:
         "Chapter 2: Table 2.1"
     script:
@@ -183,19 +103,10 @@ rule ch2_wheel:
         rows=f"{CH2}/wheel_forces_rows.csv",
         table=shown("wheel_forces"),
         mass=f"{CH2}/wheel_mass.csv",
-    log:
-        "results/logs/ch2_wheel.log",
-    benchmark:
-        "results/logs/benchmarks/ch2_wheel.tsv"
-    conda:
-        "../envs/thesis.yaml"
-    resources:
-        **needs("ch2_wheel"),
     params:
         settings=settings(CONFIG.chapter2.wheel),
         bodies=settings(CONFIG.chapter2.bodies),
         seed=CONFIG.seed,
-        lib=code_of("ch2_wheel"),
     message:
         "Chapter 2: forces of the rimless wheel's spokes"
     script:
@@ -208,19 +119,10 @@ rule ch2_arm:
         forces=f"{CH2}/arm_forces.csv",
         parameters=f"{CH2}/arm_parameters.csv",
         summary=shown("arm_summary"),
-    log:
-        "results/logs/ch2_arm.log",
-    benchmark:
-        "results/logs/benchmarks/ch2_arm.tsv"
-    conda:
-        "../envs/thesis.yaml"
-    resources:
-        **needs("ch2_arm"),
     params:
         settings=settings(CONFIG.chapter2.arm),
         bodies=settings(CONFIG.chapter2.bodies),
         seed=CONFIG.seed,
-        lib=code_of("ch2_arm"),
     message:
         "Chapter 2: forces and base parameters of arm and disk"
     script:
@@ -232,18 +134,9 @@ rule ch2_impact_forces:
         drawn_by("ch2_impact_forces"),
         impacts=f"{CH2}/impact_forces.csv",
         summary=shown("impact_force_summary"),
-    log:
-        "results/logs/ch2_impact_forces.log",
-    benchmark:
-        "results/logs/benchmarks/ch2_impact_forces.tsv"
-    conda:
-        "../envs/thesis.yaml"
-    resources:
-        **needs("ch2_impact_forces"),
     params:
         settings=settings(CONFIG.chapter2.impact_forces),
         seed=CONFIG.seed,
-        lib=code_of("ch2_impact_forces"),
     message:
         "Chapter 2: forces at impact against those of Drake's compliant contact"
     script:
@@ -258,18 +151,9 @@ rule ch2_measured_ratio:
     output:
         drawn_by("ch2_measured_ratio"),
         table=f"{CH2}/{{dataset}}/measured_ratio.csv",
-    log:
-        "results/logs/ch2_measured_ratio/{dataset}.log",
-    benchmark:
-        "results/logs/benchmarks/ch2_measured_ratio/{dataset}.tsv"
-    conda:
-        "../envs/thesis.yaml"
-    resources:
-        **needs("ch2_measured_ratio"),
     params:
         settings=settings(CONFIG.chapter2.measured_ratio),
         seed=CONFIG.seed,
-        lib=code_of("ch2_measured_ratio"),
     message:
         "Chapter 2: identifying m/I from {wildcards.dataset}"
     script:
@@ -281,17 +165,8 @@ rule ch2_measured_ratios:
         expand(f"{CH2}/{{dataset}}/measured_ratio.csv", dataset=CH2_MEASURED),
     output:
         shown("measured_ratio"),
-    log:
-        "results/logs/ch2_measured_ratios.log",
-    benchmark:
-        "results/logs/benchmarks/ch2_measured_ratios.tsv"
-    conda:
-        "../envs/thesis.yaml"
-    resources:
-        **needs("ch2_measured_ratios"),
     params:
         absent=[name for name in CH2_SETS if name not in CH2_MEASURED],
-        lib=code_of("ch2_measured_ratios"),
     message:
         "Chapter 2: m/I from measured data against the authors' value"
     script:
@@ -303,44 +178,14 @@ rule ch2_hidden:
         drawn_by("ch2_hidden"),
         tables=[f"{CH2}/hidden_{name}.csv" for name in CH2_HIDDEN_TABLES],
         pages=directory(f"{CH2}/hidden"),
-    log:
-        "results/logs/ch2_hidden.log",
-    benchmark:
-        "results/logs/benchmarks/ch2_hidden.tsv"
-    conda:
-        "../envs/thesis.yaml"
-    resources:
-        **needs("ch2_hidden"),
     params:
         settings=settings(CONFIG.chapter2.hidden),
         bodies=settings(CONFIG.chapter2.bodies),
         seed=CONFIG.seed,
-        lib=code_of("ch2_hidden"),
     message:
         "Chapter 2: finding what the models of arm and wheel lack"
     script:
         "../scripts/chapter2/ch2_hidden.py"
-
-
-rule ch2_findings:
-    input:
-        tables_read(CH2_FOUND),
-    output:
-        CH2_FOUND,
-    log:
-        "results/logs/ch2_findings.log",
-    benchmark:
-        "results/logs/benchmarks/ch2_findings.tsv"
-    conda:
-        "../envs/thesis.yaml"
-    resources:
-        **needs("ch2_findings"),
-    params:
-        lib=code_of("findings"),
-    message:
-        "Chapter 2: what its figures and tables show"
-    script:
-        "../scripts/run/findings.py"
 
 
 rule chapter2:
@@ -356,5 +201,5 @@ rule chapter2:
         rules.ch2_identifiability.output,
         rules.ch2_gather.output,
         rules.ch2_table_2_1.output,
-        rules.ch2_findings.output,
+        CH2_FOUND,
         chapter_page(2),

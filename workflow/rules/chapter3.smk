@@ -19,18 +19,9 @@ rule ch3_identify:
         impacts="results/impacts/{dataset}/impacts.csv",
     output:
         **CH3_TABLES,
-    log:
-        "results/logs/ch3_identify/{dataset}.log",
-    benchmark:
-        "results/logs/benchmarks/ch3_identify/{dataset}.tsv"
-    conda:
-        "../envs/thesis.yaml"
-    resources:
-        **needs("ch3_identify"),
     params:
         settings=settings(CONFIG.chapter3),
         seed=CONFIG.seed,
-        lib=code_of("ch3_identify"),
     message:
         "Chapter 3: identifying (μ, ε) of every law on {wildcards.dataset}"
     script:
@@ -39,14 +30,10 @@ rule ch3_identify:
 
 rule ch3_evaluate:
     input:
+        **CH3_TABLES,
         header="results/impacts/{dataset}/dataset.yaml",
         impacts="results/impacts/{dataset}/impacts.csv",
         left_out="results/impacts/{dataset}/left_out.csv",
-        ensemble=CH3_TABLES["ensemble"],
-        individual=CH3_TABLES["individual"],
-        split=CH3_TABLES["split"],
-        topography=CH3_TABLES["topography"],
-        convergence=CH3_TABLES["convergence"],
     output:
         errors=f"{CH3}/errors.csv",
         summary=f"{CH3}/error_summary.csv",
@@ -54,18 +41,9 @@ rule ch3_evaluate:
         table_3_2=shown("table_3_2"),
         coverage=f"{CH3}/coverage.csv",
         statements=f"{CH3}/statements.csv",
-    log:
-        "results/logs/ch3_evaluate/{dataset}.log",
-    benchmark:
-        "results/logs/benchmarks/ch3_evaluate/{dataset}.tsv"
-    conda:
-        "../envs/thesis.yaml"
-    resources:
-        **needs("ch3_evaluate"),
     params:
         settings=settings(CONFIG.chapter3, "range_tolerances"),
         seed=CONFIG.seed,
-        lib=code_of("ch3_evaluate"),
     message:
         "Chapter 3: judging every law on held-out impacts of {wildcards.dataset}"
     script:
@@ -83,20 +61,11 @@ rule ch3_published:
         kept="results/chapter3/planar_impact/published_kept.csv",
         parameters="results/chapter3/planar_impact/published_parameters.csv",
         first_drops="results/chapter3/planar_impact/published_first_drops.csv",
-    log:
-        "results/logs/ch3_published.log",
-    benchmark:
-        "results/logs/benchmarks/ch3_published.tsv"
-    conda:
-        "../envs/thesis.yaml"
-    resources:
-        **needs("ch3_published"),
     params:
         folder=lambda wildcards: DATASETS["planar_impact"].folder,
         seed=CONFIG.seed,
         max_impacts=CONFIG.chapter3.max_impacts,
         subsets=CONFIG.chapter3.bootstrap // 2,  # each is fitted by itself
-        lib=code_of("ch3_published"),
     message:
         "Chapter 3: comparing our laws with the predictions that the authors stored"
     script:
@@ -108,17 +77,8 @@ rule ch3_schematics:
         coverage="results/chapter3/drops/coverage.csv",
     output:
         drawn_by("ch3_schematics"),
-    log:
-        "results/logs/ch3_schematics.log",
-    benchmark:
-        "results/logs/benchmarks/ch3_schematics.tsv"
-    conda:
-        "../envs/thesis.yaml"
-    resources:
-        **needs("ch3_schematics"),
     params:
         body=settings(CONFIG.drops, "body")["body"],
-        lib=code_of("ch3_schematics"),
     message:
         "Chapter 3: drawing the contact space"
     script:
@@ -132,17 +92,8 @@ rule ch3_trajectories:
         arcs="results/impacts/{dataset}/arcs.csv",
     output:
         drawn_by("ch3_trajectories"),
-    log:
-        "results/logs/ch3_trajectories/{dataset}.log",
-    benchmark:
-        "results/logs/benchmarks/ch3_trajectories/{dataset}.tsv"
-    conda:
-        "../envs/thesis.yaml"
-    resources:
-        **needs("ch3_trajectories"),
     params:
         folder=lambda wildcards: DATASETS[wildcards.dataset].folder,
-        lib=code_of("ch3_trajectories"),
     message:
         "Chapter 3: drawing one trial of {wildcards.dataset}"
     script:
@@ -151,51 +102,16 @@ rule ch3_trajectories:
 
 rule ch3_figures:
     input:
-        ensemble=CH3_TABLES["ensemble"],
-        individual=CH3_TABLES["individual"],
-        convergence=CH3_TABLES["convergence"],
-        topography=CH3_TABLES["topography"],
-        split=CH3_TABLES["split"],
+        **CH3_TABLES,
         header="results/impacts/{dataset}/dataset.yaml",
         impacts="results/impacts/{dataset}/impacts.csv",
         errors=f"{CH3}/errors.csv",
     output:
         drawn_by("ch3_figures"),
-    log:
-        "results/logs/ch3_figures/{dataset}.log",
-    benchmark:
-        "results/logs/benchmarks/ch3_figures/{dataset}.tsv"
-    conda:
-        "../envs/thesis.yaml"
-    resources:
-        **needs("ch3_figures"),
-    params:
-        lib=code_of("ch3_figures"),
     message:
         "Chapter 3: drawing the figures of {wildcards.dataset}"
     script:
         "../scripts/chapter3/ch3_figures.py"
-
-
-rule ch3_findings:
-    input:
-        tables_read(CH3_FOUND),
-    output:
-        CH3_FOUND,
-    log:
-        "results/logs/ch3_findings.log",
-    benchmark:
-        "results/logs/benchmarks/ch3_findings.tsv"
-    conda:
-        "../envs/thesis.yaml"
-    resources:
-        **needs("ch3_findings"),
-    params:
-        lib=code_of("findings"),
-    message:
-        "Chapter 3: what its figures and tables show"
-    script:
-        "../scripts/run/findings.py"
 
 
 rule chapter3:
@@ -205,5 +121,5 @@ rule chapter3:
         rules.ch3_schematics.output,
         expand(rules.ch3_trajectories.output, dataset=CH3_WITH_TRAJECTORIES),
         expand(rules.ch3_figures.output, dataset=CH3_DATASETS),
-        rules.ch3_findings.output,
+        CH3_FOUND,
         chapter_page(3),

@@ -3,14 +3,6 @@ CH4 = "results/chapter4/{dataset}"
 CH4_DATASETS = [name for name in CONFIG.chapter4.datasets if DATASETS[name].present]
 CH4_CRITICISED = [name for name in CH4_DATASETS if name in CRITIQUE_DATASETS]
 CH4_DICE = [name for name in CONFIG.chapter4.dice_datasets if name in CH4_CRITICISED]
-CH4_CLAIMED = [  # what the ledger reads
-    *(f"results/chapter4/{name}/learning_{table}.csv" for name in CH4_DATASETS for table in ("ratios", "convergence")),
-    *(
-        f"results/chapter4/{name}/{table}.csv"
-        for name in CH4_DICE
-        for table in ("dice", "dice_difficulty", "dice_widths")
-    ),
-]
 CH4_DICE_TABLES = (
     *("parts", "throws", "limit", "difficulty", "parameters", "laws", "calibration", "counts"),
     *("budget", "widths", "readings"),
@@ -23,17 +15,8 @@ CH4_FOUND = findings_of(4, CH4_DATASETS, ch4_named_figure=CH4_CRITICISED, ch4_di
 rule ch4_schematics:
     output:
         drawn_by("ch4_schematics"),
-    log:
-        "results/logs/ch4_schematics.log",
-    benchmark:
-        "results/logs/benchmarks/ch4_schematics.tsv"
-    conda:
-        "../envs/thesis.yaml"
-    resources:
-        **needs("ch4_schematics"),
     params:
         body=settings(CONFIG.drops, "body")["body"],
-        lib=code_of("ch4_schematics"),
     message:
         "Chapter 4: drawing the space of wrenches"
     script:
@@ -46,19 +29,10 @@ rule ch4_learn:
         impacts="results/impacts/{dataset}/impacts.csv",
     output:
         **{name: f"{CH4}/learning_{name}.csv" for name in CH4_LEARNED},
-    log:
-        "results/logs/ch4_learn/{dataset}.log",
-    benchmark:
-        "results/logs/benchmarks/ch4_learn/{dataset}.tsv"
-    conda:
-        "../envs/thesis.yaml"
-    resources:
-        **needs("ch4_learn"),
     params:
         settings=settings(CONFIG.chapter4.learning),
         filter=CONFIG.chapter3.filter,
         seed=CONFIG.seed,
-        lib=code_of("ch4_learn"),
     message:
         "Chapter 4: learning contact models from {wildcards.dataset}"
     script:
@@ -74,20 +48,10 @@ rule ch4_named_physics:
         curves=f"{CH4}/named_curves.csv",
         summary=f"{CH4}/named_summary.csv",
         rungs=f"{CH4}/named_rungs.csv",
-    log:
-        "results/logs/ch4_named_physics/{dataset}.log",
-    benchmark:
-        "results/logs/benchmarks/ch4_named_physics/{dataset}.tsv"
-    conda:
-        "../envs/thesis.yaml"
-    resources:
-        **needs("ch4_named_physics"),
     params:
-        critique=lambda wildcards: f"results/critique/{wildcards.dataset}",
         settings=settings(CONFIG.chapter4.learning),
         filter=CONFIG.chapter3.filter,
         seed=CONFIG.seed,
-        lib=code_of("ch4_named_physics"),
     message:
         "Chapter 4: what is left to learn of {wildcards.dataset} once the missing effects are in"
     script:
@@ -100,17 +64,8 @@ rule ch4_figures:
         summary=f"{CH4}/learning_summary.csv",
     output:
         drawn_by("ch4_figures"),
-    log:
-        "results/logs/ch4_figures/{dataset}.log",
-    benchmark:
-        "results/logs/benchmarks/ch4_figures/{dataset}.tsv"
-    conda:
-        "../envs/thesis.yaml"
-    resources:
-        **needs("ch4_figures"),
     params:
         law=CONFIG.chapter4.learning.base_law,
-        lib=code_of("ch4_figures"),
     message:
         "Chapter 4: drawing errors of learned models on {wildcards.dataset}"
     script:
@@ -124,16 +79,6 @@ rule ch4_named_figure:
         diagnosis="results/critique/{dataset}/diagnosis.json",
     output:
         drawn_by("ch4_named_figure"),
-    log:
-        "results/logs/ch4_named_figure/{dataset}.log",
-    benchmark:
-        "results/logs/benchmarks/ch4_named_figure/{dataset}.tsv"
-    conda:
-        "../envs/thesis.yaml"
-    resources:
-        **needs("ch4_named_figure"),
-    params:
-        lib=code_of("ch4_named_figure"),
     message:
         "Chapter 4: drawing named physics, then residual, on {wildcards.dataset}"
     script:
@@ -151,45 +96,14 @@ rule ch4_dice:
         [f"{CH4}/dice_{name}.csv" for name in CH4_DICE_TABLES],
         drawn_by("ch4_dice"),
         dice=shown("dice"),
-    log:
-        "results/logs/ch4_dice/{dataset}.log",
-    benchmark:
-        "results/logs/benchmarks/ch4_dice/{dataset}.tsv"
-    conda:
-        "../envs/thesis.yaml"
-    resources:
-        **needs("ch4_dice"),
     params:
         folder=lambda wildcards: DATASETS[wildcards.dataset].folder,
-        critique=lambda wildcards: f"results/critique/{wildcards.dataset}",
         settings=settings(CONFIG.chapter4.dice),
         seed=CONFIG.seed,
-        lib=code_of("ch4_dice"),
     message:
         "Chapter 4: throwing {wildcards.dataset} to rest by each contact model"
     script:
         "../scripts/chapter4/ch4_dice.py"
-
-
-rule ch4_findings:
-    input:
-        tables_read(CH4_FOUND),
-    output:
-        CH4_FOUND,
-    log:
-        "results/logs/ch4_findings.log",
-    benchmark:
-        "results/logs/benchmarks/ch4_findings.tsv"
-    conda:
-        "../envs/thesis.yaml"
-    resources:
-        **needs("ch4_findings"),
-    params:
-        lib=code_of("findings"),
-    message:
-        "Chapter 4: what its figures and tables show"
-    script:
-        "../scripts/run/findings.py"
 
 
 rule chapter4:
@@ -198,5 +112,5 @@ rule chapter4:
         expand(rules.ch4_figures.output, dataset=CH4_DATASETS),
         expand(rules.ch4_named_figure.output, dataset=CH4_CRITICISED),
         expand(f"{CH4}/dice.csv", dataset=CH4_DICE),
-        rules.ch4_findings.output,
+        CH4_FOUND,
         chapter_page(4),

@@ -1,4 +1,15 @@
 # Chapter 5: abstractions of a Jenga tower, and a robot that plays.  Simulated throughout: no dataset is needed.
+CH5 = "results/chapter5"
+CH5_GAME_FILES = [
+    f"{CH5}/games/{policy}_{size}_{CONFIG.chapter5.towers.first_test + i}.json"
+    for (policy, size), towers in CONFIG.chapter5.games.played().items()
+    for i in range(towers)
+]
+CH5_SETS = [f"{CH5}/samples/set_{i}.csv" for i in range(CONFIG.chapter5.samples.sets)]
+CH5_STUDY_TABLES = ("games", "attempts", "curve", "paired", "success", "course", "needed", "statements")
+CH5_MODEL_TABLES = ("agreement", "abstractions", "cone", "height", "summary", "belief", "experts", "experts_summary")
+CH5_HIDDEN_TABLES = ("summary", "pushes", "errors")
+CH5_FOUND = findings_of(5)
 
 
 wildcard_constraints:
@@ -10,16 +21,6 @@ wildcard_constraints:
 rule ch5_diagrams:
     output:
         drawn_by("ch5_diagrams"),
-    log:
-        "results/logs/ch5_diagrams.log",
-    benchmark:
-        "results/logs/benchmarks/ch5_diagrams.tsv"
-    conda:
-        "../envs/thesis.yaml"
-    resources:
-        **needs("ch5_diagrams"),
-    params:
-        lib=code_of("ch5_diagrams"),
     message:
         "Chapter 5: drawing the diagrams"
     script:
@@ -29,18 +30,9 @@ rule ch5_diagrams:
 rule ch5_scan:
     output:
         f"{CH5}/scans/tower_{{tower}}.csv",
-    log:
-        "results/logs/ch5_scan/{tower}.log",
-    benchmark:
-        "results/logs/benchmarks/ch5_scan/{tower}.tsv"
-    conda:
-        "../envs/thesis.yaml"
-    resources:
-        **needs("ch5_scan"),
     params:
         setup=settings(CONFIG.chapter5.setup),
         scanned=CONFIG.chapter5.towers.scanned,
-        lib=code_of("ch5_scan"),
     message:
         "Chapter 5: pushing every block of tower {wildcards.tower} a little"
     script:
@@ -56,18 +48,9 @@ rule ch5_towers:
         movable=f"{CH5}/movable.csv",
         summary=f"{CH5}/movable_summary.csv",
         fidelity=f"{CH5}/fidelity.csv",
-    log:
-        "results/logs/ch5_towers.log",
-    benchmark:
-        "results/logs/benchmarks/ch5_towers.tsv"
-    conda:
-        "../envs/thesis.yaml"
-    resources:
-        **needs("ch5_towers"),
     params:
         setup=settings(CONFIG.chapter5.setup),
         compared=CONFIG.chapter5.towers.compared,
-        lib=code_of("ch5_towers"),
     message:
         "Chapter 5: how many blocks can be moved"
     script:
@@ -78,23 +61,14 @@ rule ch5_samples:
     output:
         samples=f"{CH5}/samples/{{name}}.csv",
         attempts=f"{CH5}/samples/{{name}}_attempts.csv",
-    log:
-        "results/logs/ch5_samples/{name}.log",
-    benchmark:
-        "results/logs/benchmarks/ch5_samples/{name}.tsv"
     wildcard_constraints:
         name=r"set_\d+|held_out",
-    conda:
-        "../envs/thesis.yaml"
-    resources:
-        **needs("ch5_samples"),
     params:
         setup=settings(CONFIG.chapter5.setup),
         towers=settings(CONFIG.chapter5.towers),
         choice=settings(CONFIG.chapter5.samples),
         most=max(*CONFIG.chapter5.games.sizes, CONFIG.chapter5.showcase.samples),
         seed=CONFIG.seed,
-        lib=code_of("ch5_samples"),
     message:
         "Chapter 5: exploring towers for samples ({wildcards.name})"
     script:
@@ -104,20 +78,11 @@ rule ch5_samples:
 rule ch5_ppo:
     output:
         [f"{CH5}/ppo/policy_{size}.pt" for size in CONFIG.chapter5.games.ppo_sizes],
-    log:
-        "results/logs/ch5_ppo.log",
-    benchmark:
-        "results/logs/benchmarks/ch5_ppo.tsv"
-    conda:
-        "../envs/thesis.yaml"
-    resources:
-        **needs("ch5_ppo"),
     params:
         setup=settings(CONFIG.chapter5.setup),
         ppo=settings(CONFIG.chapter5.ppo),
         sizes=CONFIG.chapter5.games.ppo_sizes,
         seed=CONFIG.seed,
-        lib=code_of("ch5_ppo"),
     message:
         "Chapter 5: training PPO"
     script:
@@ -129,19 +94,10 @@ rule ch5_game:
         ch5_learned_from,
     output:
         f"{CH5}/games/{{policy}}_{{size}}_{{tower}}.json",
-    log:
-        "results/logs/ch5_game/{policy}_{size}_{tower}.log",
-    benchmark:
-        "results/logs/benchmarks/ch5_game/{policy}_{size}_{tower}.tsv"
-    conda:
-        "../envs/thesis.yaml"
-    resources:
-        **needs("ch5_game"),
     params:
         settings=settings(CONFIG.chapter5, "setup", "learner", "play", "ppo"),
         blocks=CONFIG.chapter5.games.blocks,
         seed=CONFIG.seed,
-        lib=code_of("ch5_game"),
     message:
         "Chapter 5: {wildcards.policy} ({wildcards.size} samples) plays tower {wildcards.tower}"
     script:
@@ -155,18 +111,9 @@ rule ch5_study:
     output:
         [f"{CH5}/study_{name}.csv" for name in CH5_STUDY_TABLES],
         drawn_by("ch5_study"),
-    log:
-        "results/logs/ch5_study.log",
-    benchmark:
-        "results/logs/benchmarks/ch5_study.tsv"
-    conda:
-        "../envs/thesis.yaml"
-    resources:
-        **needs("ch5_study"),
     params:
         shown=CONFIG.chapter5.games.shown,
         threshold_mm=CONFIG.chapter5.setup.movable.threshold_mm,
-        lib=code_of("ch5_study"),
     message:
         "Chapter 5: what the games say"
     script:
@@ -180,18 +127,9 @@ rule ch5_model:
     output:
         [f"{CH5}/model_{name}.csv" for name in CH5_MODEL_TABLES],
         drawn_by("ch5_model"),
-    log:
-        "results/logs/ch5_model.log",
-    benchmark:
-        "results/logs/benchmarks/ch5_model.tsv"
-    conda:
-        "../envs/thesis.yaml"
-    resources:
-        **needs("ch5_model"),
     params:
         settings=settings(CONFIG.chapter5, "setup", "learner", "games", "experts"),
         seed=CONFIG.seed,
-        lib=code_of("ch5_model"),
     message:
         "Chapter 5: what the abstractions know"
     script:
@@ -206,19 +144,10 @@ rule ch5_showcase:
         runs=f"{CH5}/showcase_runs.csv",
         ends=f"{CH5}/showcase_steering.csv",
         summary=f"{CH5}/showcase_steering_summary.csv",
-    log:
-        "results/logs/ch5_showcase.log",
-    benchmark:
-        "results/logs/benchmarks/ch5_showcase.tsv"
-    conda:
-        "../envs/thesis.yaml"
-    resources:
-        **needs("ch5_showcase"),
     params:
         settings=settings(CONFIG.chapter5, "setup", "learner", "play", "showcase", "towers"),
         blocks=CONFIG.chapter5.games.blocks,
         seed=CONFIG.seed,
-        lib=code_of("ch5_showcase"),
     message:
         "Chapter 5: belief along pushes, by filter and by NUTS"
     script:
@@ -232,43 +161,13 @@ rule ch5_hidden:
     output:
         [f"{CH5}/unseen_{name}.csv" for name in CH5_HIDDEN_TABLES],
         drawn_by("ch5_hidden"),
-    log:
-        "results/logs/ch5_hidden.log",
-    benchmark:
-        "results/logs/benchmarks/ch5_hidden.tsv"
-    conda:
-        "../envs/thesis.yaml"
-    resources:
-        **needs("ch5_hidden"),
     params:
         settings=settings(CONFIG.chapter5, "setup", "learner", "hidden", "towers"),
         seed=CONFIG.seed,
-        lib=code_of("ch5_hidden"),
     message:
         "Chapter 5: effects that the learner has never seen"
     script:
         "../scripts/chapter5/ch5_hidden.py"
-
-
-rule ch5_findings:
-    input:
-        tables_read(CH5_FOUND),
-    output:
-        CH5_FOUND,
-    log:
-        "results/logs/ch5_findings.log",
-    benchmark:
-        "results/logs/benchmarks/ch5_findings.tsv"
-    conda:
-        "../envs/thesis.yaml"
-    resources:
-        **needs("ch5_findings"),
-    params:
-        lib=code_of("findings"),
-    message:
-        "Chapter 5: what its figures and tables show"
-    script:
-        "../scripts/run/findings.py"
 
 
 rule chapter5:
@@ -279,5 +178,5 @@ rule chapter5:
         rules.ch5_model.output,
         rules.ch5_showcase.output,
         rules.ch5_hidden.output,
-        rules.ch5_findings.output,
+        CH5_FOUND,
         chapter_page(5),

@@ -1,59 +1,44 @@
 # The claims ledger, what made the results, and one page of them.
-CLAIM_TABLES = [*CH2_CLAIMED, *CH4_CLAIMED, *CH5_CLAIMED, *CRITIQUE_CLAIMED] + [
-    f"results/chapter3/{dataset}/{table}.csv"
-    for dataset in CH3_DATASETS
-    for table in ("table_3_1", "table_3_2", "error_summary", "coverage", "statements")
-]
-if "planar_impact" in CH3_DATASETS:
-    CLAIM_TABLES += rules.ch3_published.output
-
 OTHER_FOUND = ["results/critique/proof/proof.txt", "results/claims.txt"]
+FOUND = {
+    "ch2_findings": (CH2_FOUND, "Chapter 2: what its figures and tables show"),
+    "ch3_findings": (CH3_FOUND, "Chapter 3: what its figures and tables show"),
+    "ch4_findings": (CH4_FOUND, "Chapter 4: what its figures and tables show"),
+    "ch5_findings": (CH5_FOUND, "Chapter 5: what its figures and tables show"),
+    "critique_findings": (CRITIQUE_FOUND, "Critique: what it found in each dataset"),
+    "findings": (OTHER_FOUND, "What the proof of the critique and the claims ledger show"),
+}
 
 
 rule claims:
     input:
-        ledger=expand("config/claims/{name}.yaml", name=("chapter2", "chapter3", "chapter4", "chapter5", "cube")),
+        ledger=sorted(map(str, Path("config/claims").glob("*.yaml"))),
         present=rules.datasets_present.output[0],
-        tables=CLAIM_TABLES,
+        tables=tables_of_claims,
     output:
         table="results/claims.csv",
         page=shown("claims", "results/claims.html"),
-    log:
-        "results/logs/claims.log",
-    benchmark:
-        "results/logs/benchmarks/claims.tsv"
-    conda:
-        "../envs/thesis.yaml"
-    resources:
-        **needs("claims"),
     params:
         scale=CONFIG.scale,
-        lib=code_of("claims"),
     message:
         "Comparing the results with what the thesis states"
     script:
         "../scripts/run/claims.py"
 
 
-rule findings:
-    input:
-        tables_read(OTHER_FOUND),
-    output:
-        OTHER_FOUND,
-    log:
-        "results/logs/findings.log",
-    benchmark:
-        "results/logs/benchmarks/findings.tsv"
-    conda:
-        "../envs/thesis.yaml"
-    resources:
-        **needs("findings"),
-    params:
-        lib=code_of("findings"),
-    message:
-        "What the proof of the critique and the claims ledger show"
-    script:
-        "../scripts/run/findings.py"
+for made_by, (files, said) in FOUND.items():
+
+    rule:
+        name:
+            made_by
+        input:
+            tables_read(files),
+        output:
+            files,
+        message:
+            said
+        script:
+            "../scripts/run/findings.py"
 
 
 rule provenance:
@@ -67,14 +52,6 @@ rule provenance:
     output:
         made="results/provenance.json",
         columns="results/columns.csv",
-    log:
-        "results/logs/provenance.log",
-    benchmark:
-        "results/logs/benchmarks/provenance.tsv"
-    conda:
-        "../envs/thesis.yaml"
-    resources:
-        **needs("provenance"),
     params:
         scale=CONFIG.scale,
         seed=CONFIG.seed,
@@ -85,7 +62,6 @@ rule provenance:
             if dataset.origin in ("folder", "published")
         },
         columns={figure.name: dict(figure.columns) for figure in figures()},
-        lib=code_of("provenance"),
     message:
         "Recording versions, seed, commit and checksums of the data"
     script:
@@ -97,22 +73,13 @@ rule run_report:
         rules.claims.output,
         rules.provenance.output,
         [chapter_page(chapter) for chapter in (2, 3, 4, 5)],  # to which it links
-        findings=[*CH2_FOUND, *CH3_FOUND, *CH4_FOUND, *CH5_FOUND, *CRITIQUE_FOUND, *OTHER_FOUND],
+        findings=[file for files, _ in FOUND.values() for file in files],
     output:
         page="results/report.html",
         captions=directory("results/captions"),
-    log:
-        "results/logs/run_report.log",
-    benchmark:
-        "results/logs/benchmarks/run_report.tsv"
-    conda:
-        "../envs/thesis.yaml"
-    resources:
-        **needs("run_report"),
     params:
         scale=CONFIG.scale,
         absent=ABSENT,
-        lib=code_of("run_report"),
     message:
         "Gathering the main findings of all chapters on one page"
     script:
@@ -123,21 +90,12 @@ rule run_report:
 rule chapter_report:
     input:
         made_by_chapter,
-        findings=lambda wildcards: (CH2_FOUND, CH3_FOUND, CH4_FOUND, CH5_FOUND)[int(wildcards.chapter) - 2],
+        findings=lambda wildcards: FOUND[f"ch{wildcards.chapter}_findings"][0],
     output:
         chapter_page("{chapter}"),
-    log:
-        "results/logs/chapter_report/{chapter}.log",
-    benchmark:
-        "results/logs/benchmarks/chapter_report/{chapter}.tsv"
-    conda:
-        "../envs/thesis.yaml"
-    resources:
-        **needs("chapter_report"),
     params:
         scale=CONFIG.scale,
         absent=ABSENT,
-        lib=code_of("chapter_report"),
     message:
         "Chapter {wildcards.chapter} on one page: {output}"
     script:

@@ -1,7 +1,10 @@
 # Checked configuration, and what every rule needs.
+import re
 import shlex
 import sys
 from pathlib import Path
+
+from snakemake.resources import Resources
 
 sys.path.insert(0, workflow.basedir)  # makes thesis_lib importable in every script, on a cluster too
 
@@ -12,6 +15,7 @@ from thesis_lib.foundation.byte_code import keep_byte_code
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.foundation.provenance import Sources, value_sha256
 from thesis_lib.foundation.yaml_file import read_yaml
+from thesis_lib.thesis.ledger.format import read_ledger
 from thesis_lib.thesis.records.catalogue import figures, records, tables_read
 
 if Path(sys.executable).is_file():  # Snakemake puts it into commands without quotes (its issue 2645)
@@ -20,44 +24,6 @@ keep_byte_code()  # jobs inherit it, as they do the kernels that `import thesis_
 
 try:
     CONFIG = parse_config(config, workflow.configfiles)
-except UserError as error:
-    raise WorkflowError(str(error))
-
-
-wildcard_constraints:
-    dataset="[a-z][a-z0-9_]*",
-    mechanism="block|ellipse|wheel|arm_disk",
-    shape="block|ellipse",
-    chapter="[2-5]",
-
-
-SCRIPTS = {path.stem: path for path in Path(workflow.basedir, "workflow/scripts").glob("*/*.py")}
-SOURCES_OF_SCRIPTS = Sources(workflow.basedir)
-
-
-def code_of(script):
-    """Hash of the code that a script uses: an edit in thesis_lib reruns exactly the rules that use it."""
-    return SOURCES_OF_SCRIPTS.lib_hash(SCRIPTS[script])
-
-
-def settings(section, *keys):
-    """The named keys of a configuration section, so that a rule reruns only if one of them changes."""
-    values = section.model_dump(mode="json", by_alias=True)
-    return {key: values[key] for key in keys} if keys else values
-
-
-REQUESTS = read_yaml(f"{workflow.basedir}/config/resources.yaml").content
-
-
-def needs(rule):
-    """Memory and time that a job asks of a cluster, from what it was measured to use; more after a failure."""
-    return {
-        "mem_mb": lambda wildcards, attempt: attempt * REQUESTS[rule]["mem_mb"],
-        "runtime": lambda wildcards, attempt: attempt * REQUESTS[rule]["runtime"],
-    }
-
-
-try:
     DATASETS = {
         name: locate(name, CONFIG.measured)
         for name in dict.fromkeys(
@@ -72,6 +38,50 @@ try:
     }
 except UserError as error:
     raise WorkflowError(str(error))
+
+
+wildcard_constraints:
+    dataset="[a-z][a-z0-9_]*",
+    mechanism="block|ellipse|wheel|arm_disk",
+    shape="block|ellipse",
+    chapter="[2-5]",
+
+
+SOURCES_OF_SCRIPTS = Sources(workflow.basedir)
+
+
+def settings(section, *keys):
+    """The named keys of a configuration section, so that a rule reruns only if one of them changes."""
+    values = section.model_dump(mode="json", by_alias=True)
+    return {key: values[key] for key in keys} if keys else values
+
+
+REQUESTS = read_yaml(f"{workflow.basedir}/config/resources.yaml").content
+
+
+def complete(made_by):
+    """Add log, benchmark, environment, resources and the hash of its code, which all have that run a script.
+
+    The memory and time that a job asks of a cluster follow from what it was measured to use; more after a failure.
+    """
+    wildcards = "_".join(f"{{{name}}}" for name in dict.fromkeys(re.findall(r"{(\w+)", made_by.output[0])))
+    name = f"{made_by.name}/{wildcards}" if wildcards else made_by.name
+    made_by.log_modifier = made_by.benchmark_modifier = made_by.output_modifier
+    made_by.set_log(f"results/logs/{name}.log")
+    made_by.benchmark = f"results/logs/benchmarks/{name}.tsv"
+    made_by.conda_env = "../envs/thesis.yaml"
+    asked = REQUESTS[made_by.name]
+    made_by.resources.update(
+        Resources.from_mapping(
+            {
+                "mem_mb": lambda wildcards, attempt: attempt * asked["mem_mb"],
+                "runtime": lambda wildcards, attempt: attempt * asked["runtime"],
+            }
+        )
+    )
+    made_by.resources.update(workflow.resource_settings.overwrite_resources.get(made_by.name, {}))  # --set-resources
+    script = Path(workflow.basedir, "workflow/rules", made_by.script)
+    made_by.set_params(lib=SOURCES_OF_SCRIPTS.lib_hash(script))  # an edit reruns exactly the rules that use it
 
 
 def dataset_files(wildcards):
@@ -119,3 +129,24 @@ def findings_of(chapter, datasets=(), **of_rules):
         if record.chapter == chapter and record.finding
         for dataset in (of_rules.get(record.job.rule, datasets) if "{dataset}" in record.file else [""])
     ]
+
+
+def tables_of_claims(wildcards):
+    """The tables that the ledger reads: those of the claims whose data this run has."""
+    present = {name for name, dataset in PRESENT.items() if dataset["present"]}
+    claims = read_ledger("config/claims").claims
+    return sorted({f"results/{claim.source.file}" for claim in claims if present.issuperset(claim.needs)})
+
+
+def ch5_learned_from(wildcards):
+    """What a policy learns from: a set of samples, weights of PPO, or nothing."""
+    if wildcards.policy == "ppo":
+        return [f"{CH5}/ppo/policy_{wildcards.size}.pt"]
+    if wildcards.policy in CONFIG.chapter5.games.fixed:
+        return []
+    return [CH5_SETS[CONFIG.chapter5.samples.of_game(int(wildcards.tower))]]
+
+
+def ch5_scans(first, count):
+    """Scans of towers first, first + 1, ..."""
+    return [f"{CH5}/scans/tower_{seed}.csv" for seed in range(first, first + count)]

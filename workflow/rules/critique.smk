@@ -1,11 +1,5 @@
 # The critique: which physical effect is missing from the contact models, for every dataset that is present.
 CRITIQUE_DATASETS = [name for name in CONFIG.critique.datasets if DATASETS[name].present]
-
-CRITIQUE_CLAIMED = [  # what the ledger reads
-    f"results/critique/{name}/law_free.csv"
-    for name, source in SOURCES.items()
-    if source.dimensions == 3 and DATASETS[name].present
-]
 CRITIQUE_FOUND = [f"results/critique/{name}/verdict.txt" for name in CRITIQUE_DATASETS]
 
 
@@ -15,15 +9,7 @@ rule critique_dataset:
     output:
         diagnosis="results/critique/{dataset}/diagnosis.json",
         page=shown("verdict", "results/critique/{dataset}/report.html"),
-    log:
-        "results/logs/critique_dataset/{dataset}.log",
-    benchmark:
-        "results/logs/benchmarks/critique_dataset/{dataset}.tsv"
-    conda:
-        "../envs/thesis.yaml"
     threads: lambda wildcards: CONFIG.critique.jobs.get(wildcards.dataset, 1)
-    resources:
-        **needs("critique_dataset"),
     params:
         folder=lambda wildcards: DATASETS[wildcards.dataset].folder,
         effects=lambda wildcards: CONFIG.critique.effects.get(wildcards.dataset),
@@ -31,7 +17,6 @@ rule critique_dataset:
         max_trials=lambda wildcards: CONFIG.critique.max_trials.get(wildcards.dataset),
         arcs=settings(CONFIG.arcs),
         seed=CONFIG.seed,
-        lib=code_of("critique"),
     message:
         "Criticising contact models against {wildcards.dataset}"
     script:
@@ -43,49 +28,19 @@ rule critique_law_free:
         dataset_files,
     output:
         "results/critique/{dataset}/law_free.csv",
-    log:
-        "results/logs/critique_law_free/{dataset}.log",
-    benchmark:
-        "results/logs/benchmarks/critique_law_free/{dataset}.tsv"
-    conda:
-        "../envs/thesis.yaml"
-    resources:
-        **needs("critique_law_free"),
     params:
         folder=lambda wildcards: DATASETS[wildcards.dataset].folder,
         trials=300,  # those that are published beside the project: the same numbers for whoever has all 570
-        lib=code_of("critique_law_free"),
     message:
         "What {wildcards.dataset} shows without any contact law"
     script:
         "../scripts/critique/critique_law_free.py"
 
 
-rule critique_findings:
-    input:
-        tables_read(CRITIQUE_FOUND),
-    output:
-        CRITIQUE_FOUND,
-    log:
-        "results/logs/critique_findings.log",
-    benchmark:
-        "results/logs/benchmarks/critique_findings.tsv"
-    conda:
-        "../envs/thesis.yaml"
-    resources:
-        **needs("critique_findings"),
-    params:
-        lib=code_of("findings"),
-    message:
-        "Critique: what it found in each dataset"
-    script:
-        "../scripts/run/findings.py"
-
-
 rule critique:
     input:
         expand("results/critique/{dataset}/report.html", dataset=CRITIQUE_DATASETS),
-        rules.critique_findings.output,
+        CRITIQUE_FOUND,
 
 
 PROOF = "results/critique/proof"
@@ -113,18 +68,9 @@ rule critique_proof:
         summary=shown("proof", f"{PROOF}/summary.csv"),
         misses=f"{PROOF}/misses.csv",
         rerun=f"{PROOF}/rerun.csv",
-    log:
-        "results/logs/critique_proof.log",
-    benchmark:
-        "results/logs/benchmarks/critique_proof.tsv"
-    conda:
-        "../envs/thesis.yaml"
-    resources:
-        **needs("critique_proof"),
     params:
         store=lambda wildcards: "config/proof",
         cases=list(CONFIG.critique.proof),
-        lib=code_of("critique_proof"),
     message:
         "Proof of the critique: {params.cases}"
     script:

@@ -19,17 +19,8 @@ for name in ABSENT:
 rule datasets_present:
     output:
         "results/datasets/present.json",
-    log:
-        "results/logs/datasets_present.log",
-    benchmark:
-        "results/logs/benchmarks/datasets_present.tsv"
-    conda:
-        "../envs/thesis.yaml"
-    resources:
-        **needs("datasets_present"),
     params:
         present=PRESENT,
-        lib=code_of("datasets_present"),
     message:
         "Noting which datasets are present"
     script:
@@ -41,17 +32,8 @@ rule convert_measured:
         lambda wildcards: DATASETS[wildcards.dataset].source_files,
     output:
         "results/datasets/{dataset}/dataset.yaml",
-    log:
-        "results/logs/convert_measured/{dataset}.log",
-    benchmark:
-        "results/logs/benchmarks/convert_measured/{dataset}.tsv"
-    conda:
-        "../envs/thesis.yaml"
-    resources:
-        **needs("convert_measured"),
     params:
         source=lambda wildcards: DATASETS[wildcards.dataset].source,
-        lib=code_of("convert_measured"),
     message:
         "Checking and converting the published files of {wildcards.dataset}"
     script:
@@ -64,18 +46,9 @@ rule simulate_drops:
         trajectories="data/simulated/drops/trajectories.csv",
         truth="results/datasets/drops_truth.csv",
         trials="results/datasets/drops_trials.csv",
-    log:
-        "results/logs/simulate_drops.log",
-    benchmark:
-        "results/logs/benchmarks/simulate_drops.tsv"
-    conda:
-        "../envs/thesis.yaml"
-    resources:
-        **needs("simulate_drops"),
     params:
         drops=settings(CONFIG.drops),
         seed=CONFIG.seed,
-        lib=code_of("simulate_drops"),
     message:
         "Simulating {params.drops[n]} drops"
     script:
@@ -91,19 +64,10 @@ rule find_impacts:
         arcs="results/impacts/{dataset}/arcs.csv",
         left_out="results/impacts/{dataset}/left_out.csv",
         summary="results/impacts/{dataset}/summary.json",
-    log:
-        "results/logs/find_impacts/{dataset}.log",
-    benchmark:
-        "results/logs/benchmarks/find_impacts/{dataset}.tsv"
-    conda:
-        "../envs/thesis.yaml"
-    resources:
-        **needs("find_impacts"),
     params:
         folder=lambda wildcards: DATASETS[wildcards.dataset].folder,
         first_trials=lambda wildcards: CONFIG.first_trials.get(wildcards.dataset),
         arcs=settings(CONFIG.arcs),
-        lib=code_of("find_impacts"),
     message:
         "Finding impacts in {wildcards.dataset}"
     script:

@@ -1,9 +1,6 @@
 """Contact forces and base parameters of arm and disk together, without and with noise (figure 2-12)."""
 
-import sys
-
-sys.stdout = sys.stderr = open(snakemake.log[0], "w", buffering=1)  # noqa: SIM115, PTH123
-
+from thesis_lib.thesis.job import snakemake
 from thesis_lib.figures.style import save_figure
 from thesis_lib.foundation.files import write_result
 from thesis_lib.foundation.randomness import generator

@@ -1,11 +1,8 @@
 """Forces that the models of arm and wheel lack: hidden, found, added; a page for each."""
 
-import sys
-
-sys.stdout = sys.stderr = open(snakemake.log[0], "w", buffering=1)  # noqa: SIM115, PTH123
-
 from pathlib import Path
 
+from thesis_lib.thesis.job import snakemake
 from thesis_lib.critique.mechanisms.settings import HiddenStudy
 from thesis_lib.critique.mechanisms.study import hidden_effect_study
 from thesis_lib.critique.result import OfMechanism

@@ -1,9 +1,6 @@
 """What sliding and sticking contact identifies, with and without external force (thesis 2.3.3)."""
 
-import sys
-
-sys.stdout = sys.stderr = open(snakemake.log[0], "w", buffering=1)  # noqa: SIM115, PTH123
-
+from thesis_lib.thesis.job import snakemake
 from thesis_lib.foundation.files import write_result
 from thesis_lib.simulate.mechanisms.motions import Chapter2Bodies
 from thesis_lib.thesis.identify.base_parameters.excitation_table import excitation_table

@@ -1,9 +1,6 @@
 """Impulses and peak forces from poses against those of Drake's compliant contact (figure 2-15)."""
 
-import sys
-
-sys.stdout = sys.stderr = open(snakemake.log[0], "w", buffering=1)  # noqa: SIM115, PTH123
-
+from thesis_lib.thesis.job import snakemake
 from thesis_lib.figures.style import save_figure
 from thesis_lib.foundation.files import write_result
 from thesis_lib.foundation.randomness import generator

@@ -1,11 +1,8 @@
 """m/I from one measured dataset, as published and with its possible measurement faults."""
 
-import sys
-
-sys.stdout = sys.stderr = open(snakemake.log[0], "w", buffering=1)  # noqa: SIM115, PTH123
-
 from pathlib import Path
 
+from thesis_lib.thesis.job import snakemake
 from thesis_lib.datasets.read import read_dataset
 from thesis_lib.figures.style import save_figure
 from thesis_lib.foundation.files import read_table, write_result

@@ -1,11 +1,8 @@
 """Figures 2-2, 2-4, 2-5, 2-9 and 2-14: motions from flight to contact, and what they show."""
 
-import sys
-
-sys.stdout = sys.stderr = open(snakemake.log[0], "w", buffering=1)  # noqa: SIM115, PTH123
-
 from functools import partial
 
+from thesis_lib.thesis.job import snakemake
 from thesis_lib.datasets.read import read_dataset
 from thesis_lib.figures.style import save_figures
 from thesis_lib.foundation.randomness import generator

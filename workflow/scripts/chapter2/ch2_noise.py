@@ -1,9 +1,6 @@
 """m/I from noisy drops of one shape, every method on every drop (Table 2.1)."""
 
-import sys
-
-sys.stdout = sys.stderr = open(snakemake.log[0], "w", buffering=1)  # noqa: SIM115, PTH123
-
+from thesis_lib.thesis.job import snakemake
 from thesis_lib.foundation.files import write_result
 from thesis_lib.foundation.randomness import generator
 from thesis_lib.simulate.mechanisms.motions import Chapter2Bodies

@@ -1,9 +1,6 @@
 """Success of the thesis's programs on noise-free windows from random starts."""
 
-import sys
-
-sys.stdout = sys.stderr = open(snakemake.log[0], "w", buffering=1)  # noqa: SIM115, PTH123
-
+from thesis_lib.thesis.job import snakemake
 from thesis_lib.foundation.files import write_result
 from thesis_lib.foundation.randomness import generator
 from thesis_lib.simulate.mechanisms.motions import Chapter2Bodies

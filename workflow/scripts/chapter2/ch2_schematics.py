@@ -1,9 +1,6 @@
 """Figures 2-1, 2-3 and 2-6 to 2-8: the mechanisms, drawn from their own geometry."""
 
-import sys
-
-sys.stdout = sys.stderr = open(snakemake.log[0], "w", buffering=1)  # noqa: SIM115, PTH123
-
+from thesis_lib.thesis.job import snakemake
 from thesis_lib.figures.style import save_figures
 from thesis_lib.simulate.mechanisms.motions import Chapter2Bodies
 from thesis_lib.simulate.mechanisms.scenes import schematic_poses

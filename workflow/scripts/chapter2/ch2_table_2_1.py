@@ -1,9 +1,6 @@
 """Table 2.1: all shapes in one table and one figure."""
 
-import sys
-
-sys.stdout = sys.stderr = open(snakemake.log[0], "w", buffering=1)  # noqa: SIM115, PTH123
-
+from thesis_lib.thesis.job import snakemake
 from thesis_lib.figures.style import save_figure
 from thesis_lib.foundation.files import read_tables, write_result
 from thesis_lib.thesis.figures.chapter2.noise import figure_table_2_1

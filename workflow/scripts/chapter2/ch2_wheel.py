@@ -1,11 +1,8 @@
 """Contact forces of the rimless wheel's spokes, and its motion against its mass (figures 2-10 and 2-11)."""
 
-import sys
-
-sys.stdout = sys.stderr = open(snakemake.log[0], "w", buffering=1)  # noqa: SIM115, PTH123
-
 from functools import partial
 
+from thesis_lib.thesis.job import snakemake
 from thesis_lib.figures.style import save_figures
 from thesis_lib.foundation.files import write_result
 from thesis_lib.foundation.randomness import generator

@@ -1,11 +1,8 @@
 """Held-out errors of every law and bound, tables 3.1 and 3.2, and the checks of the chapter's statements."""
 
-import sys
-
-sys.stdout = sys.stderr = open(snakemake.log[0], "w", buffering=1)  # noqa: SIM115, PTH123
-
 from pathlib import Path
 
+from thesis_lib.thesis.job import snakemake
 from thesis_lib.datasets.read import read_dataset
 from thesis_lib.foundation.files import read_table, write_result
 from thesis_lib.thesis.impact_study import study, tables

@@ -1,11 +1,8 @@
 """Figures 3-7 to 3-11 of one dataset, in the kinetic weighting of equation 3.7."""
 
-import sys
-
-sys.stdout = sys.stderr = open(snakemake.log[0], "w", buffering=1)  # noqa: SIM115, PTH123
-
 from pathlib import Path
 
+from thesis_lib.thesis.job import snakemake
 from thesis_lib.datasets.read import read_dataset
 from thesis_lib.figures.style import save_figures
 from thesis_lib.foundation.files import read_table

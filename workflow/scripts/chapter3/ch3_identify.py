@@ -1,12 +1,9 @@
 """Ensemble and individual parameters of every law, convergence and cost topography."""
 
-import sys
-
-sys.stdout = sys.stderr = open(snakemake.log[0], "w", buffering=1)  # noqa: SIM115, PTH123
-
 from functools import partial
 from pathlib import Path
 
+from thesis_lib.thesis.job import snakemake
 from thesis_lib.datasets.read import read_dataset
 from thesis_lib.foundation.files import write_result
 from thesis_lib.foundation.randomness import generator

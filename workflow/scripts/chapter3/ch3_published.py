@@ -1,11 +1,8 @@
 """Recount the best and worst columns of table 3.1 from the stored predictions, and compare our laws with them."""
 
-import sys
-
-sys.stdout = sys.stderr = open(snakemake.log[0], "w", buffering=1)  # noqa: SIM115, PTH123
-
 from pathlib import Path
 
+from thesis_lib.thesis.job import snakemake
 from thesis_lib.datasets.read import read_dataset
 from thesis_lib.foundation.files import read_table, write_result
 from thesis_lib.foundation.randomness import generator

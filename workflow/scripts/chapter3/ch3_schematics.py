@@ -1,9 +1,6 @@
 """Figures 3-1 to 3-3: the body on the surface, the energy ellipse, the regions of the laws."""
 
-import sys
-
-sys.stdout = sys.stderr = open(snakemake.log[0], "w", buffering=1)  # noqa: SIM115, PTH123
-
+from thesis_lib.thesis.job import snakemake
 from thesis_lib.bodies.body import Body
 from thesis_lib.figures.style import save_figures
 from thesis_lib.foundation.files import read_table

@@ -1,9 +1,6 @@
 """Figures 3-5 and 3-6: configurations and energies of one trial."""
 
-import sys
-
-sys.stdout = sys.stderr = open(snakemake.log[0], "w", buffering=1)  # noqa: SIM115, PTH123
-
+from thesis_lib.thesis.job import snakemake
 from thesis_lib.datasets.read import read_dataset
 from thesis_lib.figures.style import save_figures
 from thesis_lib.foundation.files import read_table

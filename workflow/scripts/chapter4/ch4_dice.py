@@ -1,12 +1,9 @@
 """Thrown dice: where each contact model says that they come to rest (figures 4-3, 4-4 and 4-7 to 4-10)."""
 
-import sys
-
-sys.stdout = sys.stderr = open(snakemake.log[0], "w", buffering=1)  # noqa: SIM115, PTH123
-
 from functools import partial
 from pathlib import Path
 
+from thesis_lib.thesis.job import snakemake
 from thesis_lib.critique.results.load_model import load_model
 from thesis_lib.datasets.read import read_dataset
 from thesis_lib.figures.style import save_figures
@@ -26,7 +23,7 @@ stream = partial(generator, params.seed, "ch4_dice", name)
 dataset = read_dataset(params.folder)
 impacts = read_dataset(Path(source.header).parent).stated_impacts()
 hits = read_table(source.arcs, ["trial", "t"])
-model = load_model(Path(params.critique) / "model.json")
+model = load_model(Path(source.diagnosis).with_name("model.json"))
 try:
     critique_model(model, side_of(dataset))
 except UserError as error:

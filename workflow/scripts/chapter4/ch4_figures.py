@@ -1,9 +1,6 @@
 """Figures 4-5 and 4-6: error densities of learned models, and errors against training impacts."""
 
-import sys
-
-sys.stdout = sys.stderr = open(snakemake.log[0], "w", buffering=1)  # noqa: SIM115, PTH123
-
+from thesis_lib.thesis.job import snakemake
 from thesis_lib.figures.style import save_figures
 from thesis_lib.foundation.files import read_table
 from thesis_lib.thesis.figures.chapter4.errors import figure_4_5, figure_4_6

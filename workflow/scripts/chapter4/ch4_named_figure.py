@@ -1,9 +1,6 @@
 """Named physics, then residual, in one figure."""
 
-import sys
-
-sys.stdout = sys.stderr = open(snakemake.log[0], "w", buffering=1)  # noqa: SIM115, PTH123
-
+from thesis_lib.thesis.job import snakemake
 from thesis_lib.effects import EFFECTS
 from thesis_lib.figures.style import save_figure
 from thesis_lib.foundation.files import read_json, read_table

@@ -1,12 +1,9 @@
 """What is left to learn once the effects that the critique named are in."""
 
-import sys
-
-sys.stdout = sys.stderr = open(snakemake.log[0], "w", buffering=1)  # noqa: SIM115, PTH123
-
 from functools import partial
 from pathlib import Path
 
+from thesis_lib.thesis.job import snakemake
 from thesis_lib.critique.results.load_model import load_model
 from thesis_lib.datasets.read import read_dataset
 from thesis_lib.foundation.files import read_json, read_table, write_result
@@ -17,7 +14,7 @@ from thesis_lib.thesis.residual.settings import LearningStudySettings
 
 params, out, dataset = snakemake.params, snakemake.output, snakemake.wildcards.dataset
 settings = LearningStudySettings.model_validate(params.settings)
-critique = Path(params.critique)
+critique = Path(snakemake.input.diagnosis).parent
 stream = partial(generator, params.seed, "ch4_named_physics", dataset)
 
 impacts = read_dataset(Path(snakemake.input.header).parent).stated_impacts()

@@ -1,9 +1,6 @@
 """Figures 4-1 and 4-2: a body on the surface with its energy ellipse, and the ellipsoid of wrenches."""
 
-import sys
-
-sys.stdout = sys.stderr = open(snakemake.log[0], "w", buffering=1)  # noqa: SIM115, PTH123
-
+from thesis_lib.thesis.job import snakemake
 from thesis_lib.bodies.body import Body
 from thesis_lib.figures.style import save_figures
 from thesis_lib.thesis.figures.chapter4.ellipsoid import figure_4_1, figure_4_2

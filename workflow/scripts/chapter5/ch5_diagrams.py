@@ -1,9 +1,6 @@
 """Figures 5-2, 5-3, 5-4B and 5-5C: diagrams."""
 
-import sys
-
-sys.stdout = sys.stderr = open(snakemake.log[0], "w", buffering=1)  # noqa: SIM115, PTH123
-
+from thesis_lib.thesis.job import snakemake
 from thesis_lib.figures.style import save_figures
 from thesis_lib.thesis.figures.chapter5 import schematics
 

@@ -1,9 +1,6 @@
 """One game: a policy plays one tower."""
 
-import sys
-
-sys.stdout = sys.stderr = open(snakemake.log[0], "w", buffering=1)  # noqa: SIM115, PTH123
-
+from thesis_lib.thesis.job import snakemake
 from thesis_lib.foundation.randomness import generator
 from thesis_lib.jenga.play.game import play, write_game
 from thesis_lib.jenga.play.players import LEARNS_AS, policy_of

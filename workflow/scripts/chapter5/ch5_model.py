@@ -1,11 +1,8 @@
 """Abstractions against hidden truth; forces against the friction cone and the height (figure 5-7)."""
 
-import sys
-
-sys.stdout = sys.stderr = open(snakemake.log[0], "w", buffering=1)  # noqa: SIM115, PTH123
-
 from pathlib import Path
 
+from thesis_lib.thesis.job import snakemake
 from thesis_lib.figures.style import save_figure
 from thesis_lib.foundation.files import write_result
 from thesis_lib.foundation.randomness import generator

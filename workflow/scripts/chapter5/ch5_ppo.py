@@ -1,9 +1,6 @@
 """PPO on pushes, with checkpoints at given numbers of samples."""
 
-import sys
-
-sys.stdout = sys.stderr = open(snakemake.log[0], "w", buffering=1)  # noqa: SIM115, PTH123
-
+from thesis_lib.thesis.job import snakemake
 from thesis_lib.jenga.play.ppo import train_ppo, write_policy
 from thesis_lib.jenga.play.settings import PpoSettings
 from thesis_lib.jenga.tower.settings import Setup

@@ -1,9 +1,6 @@
 """Samples of the base exploration policy: a training set, or held-out pushes of other towers."""
 
-import sys
-
-sys.stdout = sys.stderr = open(snakemake.log[0], "w", buffering=1)  # noqa: SIM115, PTH123
-
+from thesis_lib.thesis.job import snakemake
 from thesis_lib.foundation.files import write_result
 from thesis_lib.jenga.play.settings import SampleChoice, TowerChoice
 from thesis_lib.jenga.robot.samples import write_samples

@@ -1,12 +1,9 @@
 """Belief along two pushes by filter and sampler, a steered push, frames of a game (figures 5-8, 5-9)."""
 
-import sys
-
-sys.stdout = sys.stderr = open(snakemake.log[0], "w", buffering=1)  # noqa: SIM115, PTH123
-
 from functools import partial
 from pathlib import Path
 
+from thesis_lib.thesis.job import snakemake
 from thesis_lib.figures.style import save_figure
 from thesis_lib.foundation.files import write_result
 from thesis_lib.foundation.randomness import generator

@@ -1,11 +1,8 @@
 """What the games say: extractions against samples, paired comparisons, successes (figures 5-5B, 5-6)."""
 
-import sys
-
-sys.stdout = sys.stderr = open(snakemake.log[0], "w", buffering=1)  # noqa: SIM115, PTH123
-
 from pathlib import Path
 
+from thesis_lib.thesis.job import snakemake
 from thesis_lib.figures.style import save_figures
 from thesis_lib.foundation.files import read_table, write_result
 from thesis_lib.jenga.play.game import read_game

@@ -1,11 +1,8 @@
 """Criticise one dataset: the same as `python -m thesis_lib critique`."""
 
-import sys
-
-sys.stdout = sys.stderr = open(snakemake.log[0], "w", buffering=1)  # noqa: SIM115, PTH123
-
 from pathlib import Path
 
+from thesis_lib.thesis.job import snakemake
 from thesis_lib.critique.drops.settings import CritiqueSettings
 from thesis_lib.critique.run import criticise
 from thesis_lib.datasets.format.samples import ArcSettings

@@ -1,9 +1,6 @@
 """What measured tosses of a cube show without any contact law, for the claims on what was published with them."""
 
-import sys
-
-sys.stdout = sys.stderr = open(snakemake.log[0], "w", buffering=1)  # noqa: SIM115, PTH123
-
+from thesis_lib.thesis.job import snakemake
 from thesis_lib.datasets.read import read_dataset
 from thesis_lib.foundation.files import write_result
 from thesis_lib.thesis.identify.impacts.law_free_in_space import law_free

@@ -1,11 +1,8 @@
 """Tables and pictures of the stored proof, and a rerun of a few of its datasets: the answers must agree."""
 
-import sys
-
-sys.stdout = sys.stderr = open(snakemake.log[0], "w", buffering=1)  # noqa: SIM115, PTH123
-
 from pathlib import Path
 
+from thesis_lib.thesis.job import snakemake
 from thesis_lib.figures.style import save_figures
 from thesis_lib.foundation.files import write_result
 from thesis_lib.studies.figures.pictures import pictures

@@ -1,11 +1,8 @@
 """Find the impacts of a dataset, with covariances, flags, and the reason for each one left out."""
 
-import sys
-
-sys.stdout = sys.stderr = open(snakemake.log[0], "w", buffering=1)  # noqa: SIM115, PTH123
-
 from pathlib import Path
 
+from thesis_lib.thesis.job import snakemake
 from thesis_lib.datasets.format.dataset import Dataset
 from thesis_lib.datasets.format.samples import ArcSettings
 from thesis_lib.datasets.format.write import write_dataset

@@ -1,11 +1,8 @@
 """Simulate drops and write them as a dataset."""
 
-import sys
-
-sys.stdout = sys.stderr = open(snakemake.log[0], "w", buffering=1)  # noqa: SIM115, PTH123
-
 from pathlib import Path
 
+from thesis_lib.thesis.job import snakemake
 from thesis_lib.datasets.format.dataset import Dataset
 from thesis_lib.datasets.format.write import write_dataset
 from thesis_lib.foundation.files import write_table

@@ -1,11 +1,8 @@
 """One page with the figures of one chapter, what they show, and what was found."""
 
-import sys
-
-sys.stdout = sys.stderr = open(snakemake.log[0], "w", buffering=1)  # noqa: SIM115, PTH123
-
 from pathlib import Path
 
+from thesis_lib.thesis.job import snakemake
 from thesis_lib.foundation.files import write_text
 from thesis_lib.thesis.report.run import chapter_report
 

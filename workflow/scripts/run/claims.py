@@ -1,11 +1,8 @@
 """Evaluate the claims ledger on the results of this run."""
 
-import sys
-
-sys.stdout = sys.stderr = open(snakemake.log[0], "w", buffering=1)  # noqa: SIM115, PTH123
-
 from pathlib import Path
 
+from thesis_lib.thesis.job import snakemake
 from thesis_lib.foundation.files import write_table
 from thesis_lib.thesis.ledger.evaluate import evaluate
 from thesis_lib.thesis.ledger.format import read_ledger

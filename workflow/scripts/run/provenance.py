@@ -1,11 +1,8 @@
 """Record what made these results (versions, machine, seed, commit, checksums) and what their columns mean."""
 
-import sys
-
-sys.stdout = sys.stderr = open(snakemake.log[0], "w", buffering=1)  # noqa: SIM115, PTH123
-
 from pathlib import Path
 
+from thesis_lib.thesis.job import snakemake
 from thesis_lib.foundation.files import column_dictionary, write_json, write_table
 from thesis_lib.foundation.provenance import environment, file_sha256, folder_sha256
 

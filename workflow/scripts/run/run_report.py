@@ -1,11 +1,8 @@
 """One page with the main findings of the run."""
 
-import sys
-
-sys.stdout = sys.stderr = open(snakemake.log[0], "w", buffering=1)  # noqa: SIM115, PTH123
-
 from pathlib import Path
 
+from thesis_lib.thesis.job import snakemake
 from thesis_lib.foundation.files import write_text
 from thesis_lib.thesis.records.catalogue import records
 from thesis_lib.thesis.report.run import run_report
