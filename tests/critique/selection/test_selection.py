@@ -137,6 +137,7 @@ def test_what_is_injected_is_found_with_its_size():
     assert [step.effect.name for step in discovery.steps] == ["square"]
     (step,) = discovery.steps
     assert step.alternatives == () and discovery.verdict(is_structured=False) == "effects"
+    assert "square" not in discovery.last_scan.gain  # what was taken has left the candidates
     std = 1.0 / np.linalg.norm(SHAPES["square"](world.x))
     assert discovery.fitted.values["square"] == pytest.approx(3.0 * SIZE, abs=4.0 * std)
     # the gain of the fit is that of the score test, because the model is linear
@@ -630,7 +631,9 @@ def test_a_search_knows_at_which_limit_it_ended():
     # the first finalist spoils, and the next one is asked
     world = line(3, Spoilt, square=4.0 * SIZE, step=1.5 * SIZE)
     assert found(world, SearchSettings(finalists=1)).limit is None and found(world, SearchSettings(finalists=1)).steps
-    assert found(line(0), SearchSettings(max_effects=0)).limit is None  # nothing is left
+    unwanted = found(line(0), SearchSettings(max_effects=0))
+    assert unwanted.limit is None and unwanted.steps == ()  # nothing is left, and nothing is tried
+    assert found(world, SearchSettings(max_effects=0)).steps == found(world, fixed=[]).steps == ()
 
 
 def test_a_change_of_an_error_is_said_as_what_it_is():
