@@ -1,4 +1,4 @@
-"""Drops under a given law: energy, contact, agreement with the independent simulator, what the camera reports."""
+"""Drops under a given law: energy, contact, agreement with Drake and with the independent simulator, the camera."""
 
 from functools import cache
 
@@ -9,12 +9,12 @@ from hidden_effects import RIG_NOISE
 from plain_drops import LAW, TRUTH, sizes
 
 from thesis_lib.bodies.body import Body, Noise
-from thesis_lib.contact import LAWS
 from thesis_lib.critique.contacts.bases import BASES
 from thesis_lib.critique.contacts.model import Model
 from thesis_lib.critique.likelihood.fit import fit
 from thesis_lib.critique.likelihood.observations import observe
-from thesis_lib.critique.simulation.law_drops import between, simulate_law_drops
+from thesis_lib.critique.simulation.drake_augmented import drake_poses
+from thesis_lib.critique.simulation.law_drops import between, own_poses, simulate_law_drops
 from thesis_lib.datasets.format.dataset import Dataset
 from thesis_lib.effects import EFFECTS
 from thesis_lib.mechanics.state import State
@@ -26,18 +26,26 @@ GRAVITY = 9.81
 EXACT = Noise(position=1e-12, angle=1e-12)  # as good as none
 FREE = 1e-5  # m/s², rad/s²: second differences of exact poses are that of free fall to 1e-12 / DT²
 SIGMAS = 4.0
+# the other simulator takes drag by a midpoint rule in steps of 1 ms, and impacts amplify what that leaves
+SAME_FLIGHT, OWN_FLIGHT = 1e-8, 5e-4
+
+
+def model_of(*effects: str, law: str = LAW.name, factor: float = 1.0, tau: float | None = None) -> tuple[Model, dict]:
+    """The law with effects at a multiple of their scales, and its values; contacts take time with `tau` in s."""
+    chosen = tuple(EFFECTS[name] for name in effects)
+    values = TRUTH | ({} if tau is None else {"tau": tau})
+    for effect in chosen:
+        values = values | sizes(effect, factor)
+    return Model(BASES[law], chosen, takes_time=tau is not None), values
 
 
 @cache
 def simulated(
-    *effects: str, law: str = LAW.name, factor: float = 1.0, n: int = 12, seed: int = 0, noise: Noise = EXACT
+    *effects: str, n: int = 12, seed: int = 0, noise: Noise = EXACT, body: Body = ELLIPSE_BODY, poses=own_poses, **how
 ) -> Dataset:
-    chosen = tuple(EFFECTS[name] for name in effects)
-    values = dict(TRUTH)
-    for effect in chosen:
-        values |= sizes(effect, factor)
     rng = np.random.default_rng(seed)
-    return simulate_law_drops(ELLIPSE_BODY, PROOF_RELEASE, n, Model(LAWS[law], chosen), values, noise=noise, rng=rng)
+    model, values = model_of(*effects, **how)
+    return simulate_law_drops(body, PROOF_RELEASE, n, model, values, noise=noise, rng=rng, poses=poses)
 
 
 def energies(dataset: Dataset, trial: int) -> np.ndarray:
@@ -103,11 +111,9 @@ def test_drops_agree_with_the_independent_simulator_until_chaos():
 @pytest.mark.parametrize("names", [(), ("linear_drag",), ("com_offset",)])
 def test_the_fit_finds_the_coefficients_and_an_effect_beside_them(names):
     """Drops integrate the effect in small steps; the fit extrapolates arcs: neither may bias the other."""
-    values = dict(TRUTH)
-    for name in names:
-        values |= sizes(EFFECTS[name])
     o = observe(simulated(*names, n=40, seed=2, noise=RIG_NOISE))
-    fitted = fit(Model(LAW, tuple(EFFECTS[name] for name in names)), o)
+    model, values = model_of(*names)
+    fitted = fit(model, o)
     for key, value in values.items():
         assert abs(fitted.values[key] - value) < SIGMAS * fitted.std[key], key
 
@@ -123,19 +129,12 @@ def test_the_camera_adds_its_faults_to_the_poses_and_nothing_else():
     np.testing.assert_allclose(mirrored[["x", "y"]], plain[["x", "y"]], atol=1e-9)
 
 
-def lasting(law: str, body: Body, tau: float, n: int = 30) -> tuple[Model, dict[str, float], Dataset]:
-    """A model whose contacts take time, its values, and its drops as measured."""
-    model, values = Model(BASES[law], takes_time=True), TRUTH | {"tau": tau}
-    made = simulate_law_drops(body, PROOF_RELEASE, n, model, values, noise=RIG_NOISE, rng=np.random.default_rng(0))
-    return model, values, made
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("body", [ELLIPSE_BODY, SQUARE], ids=["ellipse", "square"])
 @pytest.mark.parametrize("law", ["mirtich", "compliant_contact"])
 def test_contacts_last_as_long_as_the_model_says(law, body):
-    model, values, made = lasting(law, body, 6e-4)
-    fitted = fit(model, observe(made))
+    model, values = model_of(law=law, tau=6e-4)
+    fitted = fit(model, observe(simulated(law=law, tau=6e-4, body=body, n=30, noise=RIG_NOISE)))
     for name, value in values.items():
         assert abs(fitted.values[name] - value) < SIGMAS * fitted.std[name], name
 
@@ -144,7 +143,7 @@ def test_a_body_sinks_in_while_it_touches():
     """At most by τ times the fastest approach, 3 m/s; and the shorter the contact, the less."""
     depths = []
     for tau in (6e-4, 1.8e-3):
-        _, _, made = lasting("mirtich", ELLIPSE_BODY, tau)
+        made = simulated(law="mirtich", tau=tau, n=30, noise=RIG_NOISE)
         table = made.trajectories
         depths.append(-made.shape.gap(table["y"].to_numpy(), table["theta"].to_numpy(), 0.0).min())
         assert 3.0 * RIG_NOISE.position < depths[-1] < 3.0 * tau
@@ -152,14 +151,7 @@ def test_a_body_sinks_in_while_it_touches():
 
 
 def test_a_contact_that_takes_no_time_is_an_impulse():
-    rng = [np.random.default_rng(0) for _ in range(2)]
-    short, rigid = (
-        simulate_law_drops(ELLIPSE_BODY, PROOF_RELEASE, 12, model, values, noise=EXACT, rng=stream).trajectories
-        for model, values, stream in (
-            (Model(LAW, takes_time=True), TRUTH | {"tau": 1e-8}, rng[0]),
-            (Model(LAW), TRUTH, rng[1]),
-        )
-    )
+    short, rigid = simulated(tau=1e-8).trajectories, simulated().trajectories
     first = rigid["t"] < 0.3  # later impacts amplify what differs
     np.testing.assert_allclose(short[first][["x", "y", "theta"]], rigid[first][["x", "y", "theta"]], atol=1e-5)
 
@@ -175,3 +167,31 @@ def test_the_path_within_a_contact_joins_both_ends():
     middle = between(touch, end, 0.1005)
     assert middle.t[0] == pytest.approx(0.1005) and middle.y[0] == pytest.approx(0.03 - 0.001 * 3.0 / 8.0)
     assert between(touch, end, 0.101) is end
+
+
+def both(*names: str, tau: float | None = None) -> tuple[pd.DataFrame, pd.DataFrame]:
+    """The first half second in Drake and in the program's own simulator, side by side."""
+    of = {"law": "wang_mason", "factor": 3.0, "tau": tau, "n": 6}
+    tables = (simulated(*names, **of, poses=poses).trajectories for poses in (drake_poses, own_poses))
+    return tuple(table[table["t"] < 0.5].reset_index(drop=True) for table in tables)
+
+
+@pytest.mark.parametrize("names", [(), ("tangential_restitution",), ("linear_drag",), ("mirrored_rotation",)])
+def test_drake_and_the_own_simulator_agree(names):
+    drake, own = both(*names)
+    assert len(drake) == len(own) > 50 * 6
+    np.testing.assert_allclose(drake["t"], own["t"], atol=1e-9)
+    tolerance = OWN_FLIGHT if "linear_drag" in names else SAME_FLIGHT
+    np.testing.assert_allclose(drake[["x", "y", "theta"]], own[["x", "y", "theta"]], atol=tolerance)
+    if names and names != ("mirrored_rotation",):  # the effect acts far beyond the tolerance
+        with_it, without = (table.set_index(["trial", "t"]) for table in (drake, both()[0]))
+        assert (with_it - without).dropna().abs()["x"].max() > 10.0 * OWN_FLIGHT
+
+
+@pytest.mark.parametrize("names", [(), ("mirrored_rotation",)])
+def test_contacts_last_as_long_in_drake(names):
+    drake, own = both(*names, tau=2e-3)  # T is 3.7 ms: most contacts hold a sample
+    np.testing.assert_allclose(drake["t"], own["t"], atol=1e-9)
+    np.testing.assert_allclose(drake[["x", "y", "theta"]], own[["x", "y", "theta"]], atol=SAME_FLIGHT)
+    rigid = both(*names)[0]
+    assert len(rigid) != len(drake) or np.abs(drake["y"] - rigid["y"]).max() > 1e-3
