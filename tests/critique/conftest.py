@@ -13,6 +13,7 @@ from report_pages import DIAGNOSIS, leave_page_out, page_of
 
 from thesis_lib.critique.drops.criticise import DropsCritique, criticise_drops
 from thesis_lib.critique.drops.questions.where import where
+from thesis_lib.critique.result import OfDrops
 from thesis_lib.critique.results.tables import tables
 from thesis_lib.datasets.format.dataset import Dataset
 from thesis_lib.figures.critique.pictures import pictures
@@ -58,6 +59,11 @@ def impacts_dataset() -> Dataset:
 @pytest.fixture(scope="session")
 def hidden_impacts(impacts_dataset: Dataset) -> DropsCritique:
     return criticise_drops(impacts_dataset, rng=np.random.default_rng(0))
+
+
+@pytest.fixture(scope="session")
+def of_impacts(hidden_impacts: DropsCritique) -> OfDrops:
+    return OfDrops(hidden_impacts, np.random.default_rng(0))
 
 
 @pytest.fixture(scope="session")
