@@ -7,7 +7,7 @@ from functools import cache
 import numpy as np
 import pandas as pd
 import pytest
-from plain_drops import sizes
+from hidden_effects import sizes
 from test_contact_time import BODIES, EPSILON, MU, SIGMAS, T, critique, drops
 
 from thesis_lib.bodies.shapes import Corner

@@ -5,7 +5,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from plain_drops import LAW, TRUTH, injected, observed
+from hidden_effects import LAW, TRUTH, injected, observed
 from scipy.optimize import minimize_scalar
 from scipy.stats import multivariate_t
 

@@ -235,13 +235,9 @@ def test_what_the_model_lacks_is_learned(impacts):
     assert noise < found.pairs < 0.7 * found.error
 
 
-def test_few_impacts_have_no_pairs(impacts):
+def test_few_impacts_have_no_pairs_and_structure_is_not_looked_for_in_less_than_two_a_half(impacts):
     few = impacts.rows(np.arange(round(0.9 * FEWEST / NEAREST / 2)))
-    found = floor(fitted(few), few, np.random.default_rng(0))
-    assert found.pairs is None
-
-
-@pytest.mark.parametrize("n", [0, 1, 3])
-def test_structure_is_not_looked_for_in_less_than_two_impacts_a_half(impacts, n):
-    found = remaining(fitted(impacts), impacts.rows(np.arange(n)), np.random.default_rng(0))
-    assert found.p_value == 1.0 and not found.depends_on and found.error_before == found.error_after < 0.5
+    assert floor(fitted(few), few, np.random.default_rng(0)).pairs is None
+    for n in (0, 1, 3):
+        found = remaining(fitted(impacts), impacts.rows(np.arange(n)), np.random.default_rng(0))
+        assert found.p_value == 1.0 and not found.depends_on and found.error_before == found.error_after < 0.5
