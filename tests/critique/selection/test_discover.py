@@ -2,8 +2,7 @@
 
 import numpy as np
 import pytest
-from hidden_effects import injected_impacts
-from plain_drops import LAW, TRUTH, injected, observed
+from hidden_effects import LAW, TRUTH, injected, injected_impacts, observed
 
 from thesis_lib.critique.contacts.model import Model
 from thesis_lib.critique.drops.settings import CritiqueSettings
