@@ -201,7 +201,7 @@ def test_two_batches_do_not_write_into_one_folder(folders, tmp_path):
 
 def test_results_never_go_where_the_data_are_and_names_that_a_batch_cannot_use_are_refused(folders, tmp_path):
     (path,) = folders("good")
-    for name in ("index.html", "a.log", "line\nbreak"):
+    for name in ("index.html", "good.log", "line\nbreak"):
         with pytest.raises(UserError, match="rename"):
             run_batch([path, *folders(name)], tmp_path / "out", 0, work=unruly)
         assert not (tmp_path / "out").exists()
