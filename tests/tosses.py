@@ -94,6 +94,18 @@ def simulate_tosses(
     return Tosses(recorded(samples, header, frame, rng, noise), _table(hits, frame))
 
 
+def stated_hits(head: dict, trials: int, seed: int = 0) -> pd.DataFrame:
+    """Hits of tosses as impacts.csv has them: of the tracked frame, in axes of the recording, without noise."""
+    header = SpaceHeader.model_validate(head)
+    made = simulate_tosses(header, trials, np.random.default_rng(seed)).hits
+    table = {"trial": made["trial"], "impact": made.groupby("trial").cumcount(), "t": made["t"]}
+    for names in (V_PRE_IN_SPACE, V_POST_IN_SPACE):
+        motion, pose = made[list(names)].to_numpy(), made[list(POSE_IN_SPACE)].to_numpy()
+        states = tracked_of_body(State.of(pose, motion, made["trial"], made["t"], space=SPACE), header)
+        table |= dict(zip(POSE_IN_SPACE, states.pose)) | dict(zip(names, states.motion))
+    return pd.DataFrame(table)
+
+
 def _touch(
     solid: Solid, pose: np.ndarray, motion: np.ndarray, G: np.ndarray, a: np.ndarray, longest: float
 ) -> float | None:

@@ -6,13 +6,15 @@ Nothing is hidden, a mechanism is hidden in drops, a law is injected into impact
 import copy
 
 import numpy as np
+import pandas as pd
 import pytest
 from hidden_effects import ANISOTROPY, E_T, injected_impacts, simulated
 from report_pages import DIAGNOSIS, leave_page_out, page_of
 
 from thesis_lib.critique.drops.criticise import DropsCritique, criticise_drops
-from thesis_lib.critique.drops.questions.where import where as all_regions
-from thesis_lib.critique.results.tables import tables as all_tables
+from thesis_lib.critique.drops.questions.where import where
+from thesis_lib.critique.result import OfDrops
+from thesis_lib.critique.results.tables import tables
 from thesis_lib.datasets.format.dataset import Dataset
 from thesis_lib.figures.critique.pictures import pictures
 
@@ -60,11 +62,30 @@ def hidden_impacts(impacts_dataset: Dataset) -> DropsCritique:
 
 
 @pytest.fixture(scope="session")
-def made(hidden_drops):
+def of_impacts(hidden_impacts: DropsCritique) -> OfDrops:
+    return OfDrops(hidden_impacts, np.random.default_rng(0))
+
+
+@pytest.fixture(scope="session")
+def drops_regions(hidden_drops: DropsCritique) -> dict:
+    """Where the critique of hidden drops fails."""
+    return where(hidden_drops, np.random.default_rng(0))
+
+
+@pytest.fixture(scope="session")
+def drops_tables(hidden_drops: DropsCritique) -> dict[str, pd.DataFrame]:
+    return tables(hidden_drops, np.random.default_rng(0))
+
+
+@pytest.fixture(scope="session")
+def nothing_tables(nothing_hidden: DropsCritique) -> dict[str, pd.DataFrame]:
+    return tables(nothing_hidden, np.random.default_rng(0))
+
+
+@pytest.fixture(scope="session")
+def made(hidden_drops, drops_regions, drops_tables):
     """Critique of hidden drops, where it fails, its tables and its pictures."""
-    regions = all_regions(hidden_drops)
-    found = all_tables(hidden_drops, np.random.default_rng(0))
-    return hidden_drops, regions, found, pictures(hidden_drops, found, regions)
+    return hidden_drops, drops_regions, drops_tables, pictures(hidden_drops, drops_tables, drops_regions)
 
 
 @pytest.fixture(scope="session")

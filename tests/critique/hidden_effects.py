@@ -1,4 +1,6 @@
-"""Small datasets with something hidden in them."""
+"""Small datasets with something hidden in them, and drops with nothing hidden, made once, with their observations."""
+
+from functools import cache
 
 import numpy as np
 import pandas as pd
@@ -7,6 +9,9 @@ from thesis_lib.bodies.body import Body, Noise
 from thesis_lib.contact import LAWS
 from thesis_lib.critique.contacts.kinds import bind
 from thesis_lib.critique.contacts.model import Model
+from thesis_lib.critique.likelihood.comparison import Comparison
+from thesis_lib.critique.likelihood.observations import Observations, observe
+from thesis_lib.critique.likelihood.synthesis import synthesise
 from thesis_lib.datasets.format.dataset import Dataset
 from thesis_lib.datasets.format.header import Header
 from thesis_lib.effects import EFFECTS
@@ -14,7 +19,11 @@ from thesis_lib.effects.effect import Effect, Rig
 from thesis_lib.mechanics.state import State
 from thesis_lib.simulate.compliant.drops import simulate_compliant_drops
 from thesis_lib.simulate.rig.hidden_causes import ELLIPSE_BODY, PROOF_RELEASE, RIG_NOISE, HiddenCauses
+from thesis_lib.simulate.rig.record import DropsWithTruth
+from thesis_lib.simulate.stepping.drops import simulate_drops
 
+TRUTH = {"mu": 0.2, "epsilon": 0.6}
+LAW = LAWS["anitescu_potra_newton"]  # that of the simulator of `drops`
 DROPS = 60
 ANISOTROPY = 0.3  # hidden in `hidden_drops`
 E_T = 0.4  # hidden in `hidden_impacts`
@@ -52,9 +61,9 @@ def injected_impacts(
         trial=np.arange(n),
         t=np.zeros(n),
     )
-    model = Model(LAWS["anitescu_potra_newton"], (effect,))
+    model = Model(LAW, (effect,))
     rig = Rig(shape, body.radius_of_gyration, 9.81, 0.0)
-    after = bind(model, {"mu": 0.2, "epsilon": 0.6, **values}, rig).predict(state)
+    after = bind(model, TRUTH | values, rig).predict(state)
 
     def seen(values: np.ndarray, sigma: float) -> np.ndarray:
         return values + sigma * rng.standard_normal(n)
@@ -68,3 +77,32 @@ def injected_impacts(
             table[f"{column}_{side}"] = seen(getattr(one, column), noise.velocity)
         table[f"omega_{side}"] = seen(one.omega, noise.angular_velocity)
     return Dataset(name, header, impacts=table)
+
+
+@cache
+def drops(n: int = 40, seed: int = 0) -> DropsWithTruth:
+    rng = np.random.default_rng(seed)
+    return simulate_drops(ELLIPSE_BODY, PROOF_RELEASE, n, **TRUTH, noise=RIG_NOISE, rng=rng)
+
+
+@cache
+def observed(n: int = 40, seed: int = 0) -> Observations:
+    one = drops(n, seed)
+    """Single hits; episodes have tests of their own."""
+    return observe(Dataset("plain", one.header, one.trajectories), episodes=False)
+
+
+def sizes(effect: Effect, factor: float = 1.0) -> dict[str, float]:
+    """Parameters of an effect at a multiple of their scales, by full name."""
+    return {
+        f"{effect.name}.{p.name}": p.null + factor * p.scale if p.discrete is None else p.discrete
+        for p in effect.parameters
+    }
+
+
+def injected(name: str, factor: float = 1.0, seed: int = 5) -> tuple[Observations, dict[str, float]]:
+    """Observations as the law with one effect would have made them, and the true values."""
+    effect = EFFECTS[name]
+    values = TRUTH | sizes(effect, factor)
+    rng = np.random.default_rng(seed)
+    return synthesise(Comparison(Model(LAW, (effect,)), values, observed()), rng), values

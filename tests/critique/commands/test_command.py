@@ -13,7 +13,6 @@ import pytest
 from report_pages import leave_page_out
 
 from thesis_lib.__main__ import main
-from thesis_lib.critique.result import OfDrops
 from thesis_lib.critique.results.saved_model import SavedModel
 from thesis_lib.datasets.format.write import write_dataset
 from thesis_lib.effects import EFFECTS
@@ -118,12 +117,6 @@ def test_predictions_are_a_table_or_json_on_stdout_or_in_a_file(run_folder, tmp_
     assert "predictions" not in json.loads(capsys.readouterr().out)
 
 
-def test_a_verdict_as_json_is_that_of_the_file_and_alone_on_stdout(without_page, dataset_folder, tmp_path, capsys):
-    command = ["critique", str(dataset_folder), "-o", str(tmp_path), "--effect", "wrong_inertia", "--json"]
-    assert main(command) == 0
-    assert json.loads(capsys.readouterr().out) == json.loads((tmp_path / "diagnosis.json").read_text())
-
-
 def test_an_interruption_is_one_line_and_130(dataset_folder, tmp_path, capsys, monkeypatch):
     def interrupted(*args, **kwargs):
         raise KeyboardInterrupt
@@ -185,7 +178,7 @@ def test_mistakes_get_one_readable_block_and_exit_code_2(
 
 
 def test_a_run_that_fails_while_writing_leaves_an_earlier_one_as_it_was(
-    hidden_impacts, without_page, tmp_path, monkeypatch
+    of_impacts, without_page, tmp_path, monkeypatch
 ):
     folder = tmp_path / "run"
     folder.mkdir()
@@ -197,16 +190,16 @@ def test_a_run_that_fails_while_writing_leaves_an_earlier_one_as_it_was(
 
     monkeypatch.setattr(SavedModel, "save", fail)
     with pytest.raises(OSError, match="disk full"):
-        OfDrops(hidden_impacts, np.random.default_rng(0)).save(folder)
+        of_impacts.save(folder)
     assert {path.name: path.read_text() for path in folder.iterdir()} == dict.fromkeys(FILES, "earlier")
     assert [path.name for path in tmp_path.iterdir()] == ["run"]
 
 
 def test_a_run_that_is_killed_while_moving_its_files_in_is_seen_as_unfinished(
-    hidden_impacts, without_page, tmp_path, monkeypatch, capsys
+    of_impacts, without_page, tmp_path, monkeypatch, capsys
 ):
     folder = tmp_path / "run"
-    OfDrops(hidden_impacts, np.random.default_rng(0)).save(folder)
+    of_impacts.save(folder)
     move = Path.replace
 
     def killed(self, target):
@@ -216,7 +209,7 @@ def test_a_run_that_is_killed_while_moving_its_files_in_is_seen_as_unfinished(
 
     monkeypatch.setattr(Path, "replace", killed)
     with pytest.raises(KeyboardInterrupt):
-        OfDrops(hidden_impacts, np.random.default_rng(0)).save(folder)
+        of_impacts.save(folder)
     left = {path.name for path in folder.iterdir()}
     assert left and not left & {"diagnosis.json", "model.json", "report.html"}
     assert main(["critique", str(folder), str(folder)]) == 2
@@ -224,10 +217,10 @@ def test_a_run_that_is_killed_while_moving_its_files_in_is_seen_as_unfinished(
     assert main(["predict", str(folder / "model.json"), "states.csv"]) == 2
 
 
-def test_files_of_an_earlier_critique_are_taken_away_and_those_of_others_stay(hidden_impacts, without_page, tmp_path):
+def test_files_of_an_earlier_critique_are_taken_away_and_those_of_others_stay(of_impacts, without_page, tmp_path):
     for name in ("residuals.png", "flights.csv", "choices.csv", "notes.txt", "my_plot.png"):
         (tmp_path / name).write_text("old")
-    OfDrops(hidden_impacts, np.random.default_rng(0)).save(tmp_path)
+    of_impacts.save(tmp_path)
     names = {path.name for path in tmp_path.iterdir()}
     assert {"notes.txt", "my_plot.png", "diagnosis.json"} <= names and "residuals.png" not in names
     for name in ("flights.csv", "choices.csv"):

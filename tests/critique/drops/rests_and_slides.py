@@ -19,8 +19,7 @@ from collections.abc import Iterator
 import numpy as np
 import pandas as pd
 
-from thesis_lib.bodies.body import Body, Noise
-from thesis_lib.bodies.shapes import Polygon
+from tests.critique.drops.test_rest_and_slide import GRAVITY, HALF, MU, NOISE, RATE, SQUARE, that_end_at_rest
 from thesis_lib.critique.drops.criticise import DropsCritique, criticise_drops
 from thesis_lib.critique.drops.settings import CritiqueSettings
 from thesis_lib.datasets.format.dataset import Dataset
@@ -28,15 +27,11 @@ from thesis_lib.datasets.format.header import Header
 from thesis_lib.datasets.read import read_dataset
 from thesis_lib.foundation.randomness import generator
 
-HALF, MASS, GRAVITY = 0.03, 0.1, 9.81  # m, kg, m/s²
-CORNERS = ((HALF, HALF), (-HALF, HALF), (-HALF, -HALF), (HALF, -HALF))
-SQUARE = Body(shape=Polygon(vertices=CORNERS), mass=MASS, radius_of_gyration=HALF * np.sqrt(2.0 / 3.0))
-NOISE = Noise(position=3e-4, angle=3e-3)
-RATE, STEP, DURATION = 250.0, 1e-4, 1.2  # Hz, s, s
+MASS, STEP, DURATION = SQUARE.mass, 1e-4, 1.2  # kg, s, s
 STIFFNESS = MASS * (np.pi / 1e-3) ** 2  # N/m, of a contact of 1 ms
 RATIO = -np.log(0.55) / np.sqrt(np.pi**2 + np.log(0.55) ** 2)  # of damping, for a restitution near 0.55
 DAMPING = 2.0 * RATIO * np.sqrt(STIFFNESS * MASS)  # N s/m
-MU, DROPS = 0.15, 48
+DROPS = 48
 FAST, SUPPORTED = 0.2, 0.015  # m/s towards the floor, s without
 SEED = 20190906
 MUJOCO: dict[str, dict] = {"nothing": {}, "sliding_friction": {"mu_s": 0.3}}
@@ -122,8 +117,6 @@ def rows(data: str | None, simulated: bool) -> Iterator[dict]:
         die = read_dataset(data).first_trials(150)
         yield from (row("die, 150 throws", die, channels) for channels in CHANNELS)
     if simulated:
-        from tests.critique.drops.test_rest_and_slide import that_end_at_rest
-
         sets = [(f"own contact: {name}", that_end_at_rest, how) for name, how in OWN.items()]
         sets += [(f"MuJoCo: {name}", thrown, how) for name, how in MUJOCO.items()]
         for name, made, how in sets:

@@ -20,6 +20,7 @@ from thesis_lib.mechanics.state import State
 
 RIG = Rig(Disk(radius=0.03), 0.0212, 9.81, 0.0)
 N, WINDOW, FLIGHT, RATE = 12, 0.1, 0.3, 250.0
+TAU = np.linspace(-0.5 * FLIGHT, 0.5 * FLIGHT, 76)
 NEAR_POSE, NEAR_SPEED, NEAR_FALL = 2e-5, 5e-4, 5e-3  # m, m/s, m/s²: a tenth of what a noise of 0.2 mm makes of them
 CASES = {
     "lens": {"k_1": 0.16, "c_x": 0.05, "c_y": 0.2},  # 1 % at 0.25 m
@@ -81,29 +82,26 @@ def test_the_state_at_impact_is_found_behind_a_line_through_a_bent_path(name: st
     assert np.abs(parabola - exact.v)[:, :2].max() > 20.0 * NEAR_SPEED
 
 
+def require_seen(path: np.ndarray, model: Model, values: dict[str, float]) -> None:
+    """Of flights along these paths (n, m, 3) at `TAU` the model leaves nothing, and free fall much."""
+    fits = np.stack([np.polyfit(TAU, one, 2) for one in path])
+    state = State.of(fits[:, 2], fits[:, 1], np.arange(N), np.zeros(N))
+    flights = Flights(state, np.ones((N, 3)), 2.0 * fits[:, 0], np.full(N, FLIGHT))
+    np.testing.assert_allclose(flights.residuals(bind(model, values, RIG))[:, :2], 0.0, atol=NEAR_FALL)
+    assert np.abs(flights.residuals(bind(Model(LAWS["mirtich"]), {}, RIG)))[:, :2].max() > 20.0 * NEAR_FALL
+
+
 @EACH
 def test_a_flight_has_the_acceleration_of_the_parabola_through_its_bent_path(name: str, sign: float) -> None:
     model, values, p = model_of(name, sign)
-    tau, true = np.linspace(-0.5 * FLIGHT, 0.5 * FLIGHT, 76), states(0.3, falling=0.0)
-    seen = np.stack([EFFECTS[name].to_measured(flown(true, h), p, RIG).q for h in tau], axis=1)
-    fits = np.stack([np.polyfit(tau, path, 2) for path in seen])
-    state = State.of(fits[:, 2], fits[:, 1], true.trial, true.t)
-    flights = Flights(state, np.ones((N, 3)), 2.0 * fits[:, 0], np.full(N, FLIGHT))
-    left = flights.residuals(bind(model, values, RIG))
-    np.testing.assert_allclose(left[:, :2], 0.0, atol=NEAR_FALL)
-    fall = Model(LAWS["mirtich"])
-    assert np.abs(flights.residuals(bind(fall, {}, RIG)))[:, :2].max() > 20.0 * NEAR_FALL
+    true = states(0.3, falling=0.0)
+    require_seen(np.stack([EFFECTS[name].to_measured(flown(true, h), p, RIG).q for h in TAU], axis=1), model, values)
 
 
 def test_a_flight_of_a_displaced_centre_of_mass_has_the_acceleration_of_its_origin_on_a_circle() -> None:
     c_x, c_y = 1e-3, -2e-3
     model, values = Model(LAWS["mirtich"], (EFFECTS["com_offset"],)), {"com_offset.c_x": c_x, "com_offset.c_y": c_y}
-    tau, centre = np.linspace(-0.5 * FLIGHT, 0.5 * FLIGHT, 76), states(0.3, falling=0.0)
-    q = centre.q[:, None] + centre.v[:, None] * tau[:, None] + 0.5 * RIG.fall(centre).T[:, None] * tau[:, None] ** 2
+    centre, tau = states(0.3, falling=0.0), TAU[:, None]
+    q = centre.q[:, None] + centre.v[:, None] * tau + 0.5 * RIG.fall(centre).T[:, None] * tau**2
     lever = (c_x + 1j * c_y) * np.exp(1j * q[..., 2])  # from the origin to the centre
-    path_of_origin = q - np.stack([lever.real, lever.imag, np.zeros_like(lever.real)], axis=-1)
-    fits = np.stack([np.polyfit(tau, path, 2) for path in path_of_origin])
-    state = State.of(fits[:, 2], fits[:, 1], centre.trial, centre.t)
-    flights = Flights(state, np.ones((N, 3)), 2.0 * fits[:, 0], np.full(N, FLIGHT))
-    np.testing.assert_allclose(flights.residuals(bind(model, values, RIG))[:, :2], 0.0, atol=NEAR_FALL)
-    assert np.abs(flights.residuals(bind(Model(LAWS["mirtich"]), {}, RIG))).max() > 20.0 * NEAR_FALL
+    require_seen(q - np.stack([lever.real, lever.imag, np.zeros_like(lever.real)], axis=-1), model, values)

@@ -179,23 +179,17 @@ def test_a_spring_along_the_surface_is_that_of_the_simulated_contact(shape, expo
     assert judged.excess < 2.0
 
 
-def test_a_stiff_spring_along_the_surface_is_a_rigid_contact():
-    state, spring = thrown(4, 60), EFFECTS["tangential_compliance"]
-    values = {"mu": 0.3, "epsilon": 0.6, "tau": 1e-3, "tangential_compliance.zeta": 0.2}
-    model = Model(BASES["compliant_contact"], (spring,), takes_time=True)
-    rigid, stiff = (
-        press(bind(model, values | {"tangential_compliance.eta": eta}, RIG), state)[0] for eta in (0.0, 1e-6)
-    )
-    assert stiff.v == pytest.approx(rigid.v, abs=0.02)
-
-
-def test_in_short_contacts_a_spring_along_the_surface_is_the_impulse_of_its_effect():
-    state = thrown(5, 60)
-    values = SHORT | {"tangential_compliance.eta": 0.5, "tangential_compliance.zeta": 0.2}
+def test_a_stiff_spring_along_the_surface_is_a_rigid_contact_and_in_short_ones_the_impulse_of_its_effect():
+    state, zeta = thrown(4, 60), {"tangential_compliance.zeta": 0.2}
     model = Model(BASES["compliant_contact"], (EFFECTS["tangential_compliance"],), takes_time=True)
-    after, _ = press(bind(model, values, RIG), state)
-    limit, _ = bind(model.limit, values, RIG).collide(state)
-    assert np.abs(after.v[:, :2] - limit.v[:, :2]).mean() < 0.01
+
+    def after(eta: float, **values: float) -> np.ndarray:
+        return press(bind(model, values | zeta | {"tangential_compliance.eta": eta}, RIG), state)[0].v
+
+    rigid, stiff = (after(eta, mu=0.3, epsilon=0.6, tau=1e-3) for eta in (0.0, 1e-6))
+    assert stiff == pytest.approx(rigid, abs=0.02)
+    limit, _ = bind(model.limit, SHORT | zeta | {"tangential_compliance.eta": 0.5}, RIG).collide(state)
+    assert np.abs(after(0.5, **SHORT)[:, :2] - limit.v[:, :2]).mean() < 0.01
 
 
 @pytest.mark.slow

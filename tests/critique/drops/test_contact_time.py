@@ -5,7 +5,7 @@ from functools import cache
 
 import numpy as np
 import pytest
-from plain_drops import LAW, TRUTH, observed
+from hidden_effects import LAW, TRUTH, observed
 
 from thesis_lib.bodies.body import Body
 from thesis_lib.contact import LAWS

@@ -7,7 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pandas as pd
 import pytest
-from tosses import simulate_tosses
+from tosses import simulate_tosses, stated_hits
 
 from thesis_lib.bodies.solids import Sphere
 from thesis_lib.contact import LAWS, LAWS_IN_SPACE
@@ -29,21 +29,16 @@ from thesis_lib.critique.engines.compare import (
     whole_tosses,
 )
 from thesis_lib.critique.likelihood.at_impact import lines_beside, state_beside
-from thesis_lib.critique.likelihood.comparison import Comparison
 from thesis_lib.critique.likelihood.in_space.hits import observe_in_space
-from thesis_lib.critique.likelihood.synthesis import synthesise
 from thesis_lib.critique.results import findings
 from thesis_lib.critique.results.findings import few_diagnosis
 from thesis_lib.critique.results.load_model import load_model
 from thesis_lib.datasets import dataset_of
-from thesis_lib.datasets.format.frames import tracked_of_body
-from thesis_lib.datasets.format.header import SpaceHeader
 from thesis_lib.datasets.format.table_forms import POSE_IN_SPACE, V_POST_IN_SPACE, V_PRE_IN_SPACE
 from thesis_lib.effects import EFFECTS
 from thesis_lib.effects.as_written import AsWritten
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.mechanics.space import SPACE
-from thesis_lib.mechanics.state import State
 from thesis_lib.report.critique.tables import models
 from thesis_lib.simulate.tosses.drawn import SpaceCase, make
 from thesis_lib.simulate.tosses.own import OwnTosses
@@ -92,25 +87,19 @@ def test_nothing_is_named_where_nothing_is_hidden(nothing_hidden_in_space):
 
 
 @pytest.mark.slow
-def test_a_displaced_centre_of_mass_is_named_alone(centre_hidden):
+def test_a_displaced_centre_of_mass_is_named_alone_and_it_is_said_which_contacts_err(centre_hidden):
     found = centre_hidden.to_dict()
     assert found["verdict"] == "effects" and [e["name"] for e in found["effects"]] == ["com_offset"]
     assert found["effects"][0]["indistinguishable_from"] == []
     for name, p in found["effects"][0]["parameters"].items():
         assert abs(p["value"] - OFF[name]) < 3.0 * p["std"] and p["std"] < 2e-4
-
-
-@pytest.mark.slow
-def test_the_diagnosis_says_which_contacts_err(centre_hidden):
-    found = centre_hidden.to_dict()
     assert found["dimensions"] == 3 and json.dumps(found, allow_nan=False)
     kinds = found["error"]["by_contact"]
     assert list(kinds) == ["corner", "edge", "face"]
     assert kinds["corner"]["augmented"] < 0.5 * kinds["corner"]["base"]
     assert kinds["corner"]["augmented"] < 1.5 * kinds["corner"]["noise_floor"]
     assert min(kinds[kind]["used_share"] for kind in ("corner", "edge")) > 0.8
-    held_out = centre_hidden.found.held_out
-    assert 0 < sum(kind["n"] for kind in kinds.values()) <= held_out.hits.sum()
+    assert 0 < sum(kind["n"] for kind in kinds.values()) <= centre_hidden.found.held_out.hits.sum()
     assert centre_hidden.summary().startswith("drops: effects")
 
 
@@ -179,24 +168,11 @@ def test_what_a_body_in_space_cannot_show_is_said_with_the_reason(observed):
     assert why_not["rounded_corners"] == "does not apply to a body of shape sphere"
     assert why_not["orientation_dependent_friction"].startswith("orientation is not measured")
     assert why_not["later_restitution"].startswith("no trajectories of whole tosses")
-
-
-def test_a_ball_shows_how_its_rotation_was_read_but_not_how_its_frame_is_turned(observed):
+    # a ball shows how its rotation was read, by spin against slip, but not how its frame is turned
     rig = replace(observed.rig, shape=Sphere(radius=0.04))
     testable, why_not = usable_effects(replace(observed, rig=rig), timed=False)
-    assert {"mirrored_rotation", "misread_rotation", "rotation_scale"} <= set(testable)  # spin against slip
+    assert {"mirrored_rotation", "misread_rotation", "rotation_scale"} <= set(testable)
     assert why_not["angle_offset"] == "does not apply to a body of shape sphere"
-
-
-def test_hits_drawn_from_a_model_differ_from_it_by_their_noise(observed, rng):
-    model = Model(LAWS["anitescu_potra_newton"], space=observed.space)
-    squares = []
-    for _ in range(8):
-        drawn = synthesise(Comparison(model, TRUTH, observed), rng)
-        noisy = Comparison(model, TRUTH, drawn).noisy
-        S = noisy.covariance(0.0)
-        squares.append(np.einsum("ni,nij,nj->n", noisy.value, np.linalg.inv(S), noisy.value))
-    assert 10.5 < np.median(squares) < 14.5  # chi square with 13 degrees of freedom: 12.3
 
 
 @pytest.mark.slow
@@ -208,27 +184,19 @@ def test_what_is_saved_predicts_further_hits(centre_hidden, tmp_path):
     page = (out / "report.html").read_text()
     assert "displaced centre of mass" in page and "IRB bound, after the fact" in page
     model = load_model(out / "model.json")
-    header = SpaceHeader.model_validate(content(center_of_mass=list(OFF.values())))
-    hits = simulate_tosses(header, 10, np.random.default_rng(99), **TRUTH).hits
-    sides = []
-    for names in (V_PRE_IN_SPACE, V_POST_IN_SPACE):  # of the tracked point, not of the true centre of mass
-        states = State.of(
-            hits[list(POSE_IN_SPACE)].to_numpy(), hits[list(names)].to_numpy(), hits["trial"], hits["t"], space=SPACE
-        )
-        sides.append(tracked_of_body(states, header))
-    before = dict(zip(POSE_IN_SPACE, sides[0].pose)) | dict(zip(V_PRE_IN_SPACE, sides[0].motion))
-    predicted = model.predict(before | {"trial": hits["trial"], "t": hits["t"]})
+    hits = stated_hits(content(center_of_mass=list(OFF.values())), 10, 99)
+    states, after = hits[[*POSE_IN_SPACE, *V_PRE_IN_SPACE]], list(V_POST_IN_SPACE)
+    predicted = model.predict(hits.drop(columns=after))
     assert (predicted["status"] == "ok").all()
     # sticking or not may hang on a thousandth of μ
-    off = np.abs(predicted[list(V_POST_IN_SPACE)].to_numpy() - sides[1].v)
+    off = np.abs(predicted[after].to_numpy() - hits[after].to_numpy())
     assert np.median(off[:, :3]) < 3e-3 and np.median(off[:, 3:]) < 0.1
-    states = predicted[list(before)]
     pd.testing.assert_frame_equal(centre_hidden.predict(states), model.predict(states))
     with pytest.raises(UserError, match="lack the column"):
         model.predict({"x": [0.0]})
 
 
-def test_episodes_alone_say_restitution_by_their_fit_only(observed, monkeypatch):
+def test_episodes_alone_say_restitution_by_their_fit_only_and_no_bodies_have_no_path(observed, monkeypatch):
     episodes = observed.rows(np.flatnonzero(observed.span > 0.0))
     fitted = Drops(observed).fit("mirtich", (), effort="quick")
     assert len(episodes) > 3 and not len(own_restitution(fitted, episodes).epsilon)
@@ -237,12 +205,8 @@ def test_episodes_alone_say_restitution_by_their_fit_only(observed, monkeypatch)
     monkeypatch.setattr(findings, "are_enough", lambda impacts, trials: True)
     content = few_diagnosis(few)
     assert content["verdict"] is None and f"only 0 of {len(episodes)} stand alone" in content["reason"]
-
-
-def test_bodies_that_are_none_have_no_path(observed):
-    model = Drops(observed).fit("mirtich", (), effort="quick").on(observed.rows(np.zeros(0, int))).dynamics
-    lines = observed.rows(np.zeros(0, int)).lines(0)
-    assert model.path(np.zeros((0, 8)), lines).shape == (0, 8, 7)
+    none = observed.rows(np.zeros(0, int))
+    assert fitted.on(none).dynamics.path(np.zeros((0, 8)), none.lines(0)).shape == (0, 8, 7)
 
 
 @pytest.mark.slow

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from plain_drops import LAW, TRUTH, observed
+from hidden_effects import LAW, TRUTH, observed
 
 from thesis_lib.critique.contacts.model import Model
 from thesis_lib.critique.likelihood.comparison import Comparison

@@ -8,7 +8,6 @@ from thesis_lib.critique.drops.criticise import DropsCritique, criticise_drops
 from thesis_lib.critique.drops.settings import CritiqueSettings
 from thesis_lib.critique.likelihood.observations import observe
 from thesis_lib.datasets.format.dataset import Dataset
-from thesis_lib.effects import EFFECTS
 from thesis_lib.simulate.rig.hidden_causes import ELLIPSE_BODY, SQUARE, CompliantContact, HiddenCauses
 
 BODIES = {"ellipse": ELLIPSE_BODY, "square": SQUARE}
@@ -82,17 +81,3 @@ def test_exposure_is_not_taken_for_arrival() -> None:
 def test_stamps_of_arrival_hide_no_effect() -> None:
     critique = criticised(late(drops("ellipse", tilt=0.065)))
     assert critique.verdict == "effects" and named(critique) == ["surface_tilt"]
-
-
-def test_a_clock_that_is_wrong_by_a_factor_is_read_as_gravity() -> None:
-    """Impacts know no time: with t (1 + s) all speeds are smaller by 1 + s, and gravity by (1 + s)².
-
-    So a drift of the clock has no name of its own; quartzes are good to 10⁻⁴, which no rig sees.
-    """
-    s, stated = 0.03, 9.81
-    t = np.linspace(0.0, 0.2, 50)
-    fall = -0.5 * stated * t**2
-    measured = 2.0 * np.polyfit((1.0 + s) * t, fall, 2)[0]
-    dg = -measured - stated
-    assert dg == pytest.approx(stated * ((1.0 + s) ** -2 - 1.0), rel=1e-9)
-    assert EFFECTS["wrong_gravity"].parameters[0].low < dg < -2.0 * s * stated * 0.9

@@ -5,8 +5,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from hidden_effects import RIG_NOISE, injected_impacts
-from plain_drops import LAW, TRUTH, drops, observed
+from hidden_effects import LAW, RIG_NOISE, TRUTH, drops, injected_impacts, observed
 
 from thesis_lib.critique.contacts.model import Model
 from thesis_lib.critique.drops.criticise import DropsCritique
@@ -52,14 +51,13 @@ def test_nearly_all_impacts_are_real_and_none_counts_twice():
     assert len(set(rows)) == len(rows)
 
 
-@pytest.fixture(scope="module")
-def errors() -> np.ndarray:
-    """Pose and velocity minus truth, (n, 2 sides, 3, 2), at the estimated instant."""
+def test_errors_of_pose_and_velocity_are_as_large_as_their_covariance_says_and_have_no_bias():
     o, truth = observed(), drops().impacts
     real, rows = matched()
     true = truth.loc[rows]
     late = o.t[real] - true["t"].to_numpy()
-    found, here = np.zeros((len(real), 2, 3, 2)), Comparison(Model(LAW), TRUTH, o)
+    # pose and velocity minus truth, (n, 2 sides, 3, 2), at the estimated instant
+    errors, here = np.zeros((len(real), 2, 3, 2)), Comparison(Model(LAW), TRUTH, o)
     for side, (whole, suffix) in enumerate(zip((here.before, here.after), ("pre", "post"))):
         state = whole.select(real)
         for channel in range(3):
@@ -67,22 +65,14 @@ def errors() -> np.ndarray:
             v = true[f"{SPEED[channel]}_{suffix}"].to_numpy()
             q = true[POSE[channel]].to_numpy() + late * v + 0.5 * a * late**2
             turns = 2 * np.pi * np.rint((getattr(state, POSE[channel]) - q) / (2 * np.pi))
-            found[:, side, channel, 0] = getattr(state, POSE[channel]) - q - turns * (channel == 2)
-            found[:, side, channel, 1] = getattr(state, SPEED[channel]) - v - a * late
-    return found
-
-
-def test_errors_of_pose_and_velocity_are_as_large_as_their_covariance_says(errors):
-    solved = np.linalg.solve(observed().cov[matched()[0]], errors[..., None])[..., 0]
-    chi2 = np.einsum("nsck,nsck->nsc", errors, solved) / 2.0
-    n = len(chi2)
+            errors[:, side, channel, 0] = getattr(state, POSE[channel]) - q - turns * (channel == 2)
+            errors[:, side, channel, 1] = getattr(state, SPEED[channel]) - v - a * late
+    cov, n = o.cov[real], len(real)
+    chi2 = np.einsum("nsck,nsck->nsc", errors, np.linalg.solve(cov, errors[..., None])[..., 0]) / 2.0
     assert chi2.mean() == pytest.approx(1.0, abs=SIGMAS * np.sqrt(2.0 / (12 * n)))
     assert np.abs(chi2.mean(axis=0) - 1.0).max() < SIGMAS * np.sqrt(2.0 / (2 * n))
-
-
-def test_errors_have_no_bias(errors):
-    z = errors / np.sqrt(np.einsum("nsckk->nsck", observed().cov[matched()[0]]))
-    assert np.abs(z.mean(axis=0)).max() < SIGMAS / np.sqrt(len(z))
+    z = errors / np.sqrt(np.einsum("nsckk->nsck", cov))
+    assert np.abs(z.mean(axis=0)).max() < SIGMAS / np.sqrt(n)
 
 
 def test_flights_fall_with_gravity():
@@ -121,10 +111,8 @@ def test_windows_and_flights_hold_samples_of_one_trial_only():
     table = one.trajectories.sample(frac=1.0, random_state=0)  # order of rows must not matter
     shuffled = observe(Dataset("plain", one.header, table), episodes=False)
     np.testing.assert_allclose(shuffled.slope, observed().slope, atol=1e-12)
-    alone = observe(
-        Dataset("plain", one.header, one.trajectories[one.trajectories["trial"] == 7].reset_index(drop=True)),
-        episodes=False,
-    )
+    single = one.trajectories.query("trial == 7").reset_index(drop=True)
+    alone = observe(Dataset("plain", one.header, single), episodes=False)
     same = observed().select(np.array([7]))
     assert len(alone) == len(same) > 0
     np.testing.assert_allclose(alone.slope, same.slope, atol=1e-9)
@@ -150,11 +138,6 @@ def test_samples_that_detection_masks_are_used_nowhere():
     assert abs(len(o.flights) - len(observed().flights)) < 10
 
 
-def test_flights_have_enough_samples():
-    flights = observed().flights
-    assert flights.span.min() > (MIN_FLIGHT - 2) / 250.0
-
-
 def test_selection_keeps_impacts_and_flights_of_the_trials():
     o = observed()
     kept = np.array([3, 11, 20])
@@ -170,12 +153,8 @@ def test_selection_keeps_impacts_and_flights_of_the_trials():
     assert len(o.select(np.array([], int))) == 0
 
 
-@pytest.fixture
-def table_only() -> Dataset:
-    return injected_impacts("table", 25, 2, "tangential_restitution", {"tangential_restitution.e_t": 0.0})
-
-
-def test_impacts_csv_is_taken_as_it_is(table_only):
+def test_impacts_csv_is_taken_as_it_is():
+    table_only = injected_impacts("table", 25, 2, "tangential_restitution", {"tangential_restitution.e_t": 0.0})
     o, table = observe(table_only), table_only.impacts
     assert not o.arcs and o.noise_known and len(o.flights) == 0
     for side, suffix in enumerate(("pre", "post")):
@@ -189,23 +168,17 @@ def test_impacts_csv_is_taken_as_it_is(table_only):
         np.testing.assert_allclose(variance[:, :, channel, 0], pose**2)
         np.testing.assert_allclose(variance[:, :, channel, 1], speed**2)
     np.testing.assert_allclose(o.offset, 0.0, atol=1e-12)
+    # a contact point that is given is kept as an offset
+    r = table_only.shape.contact_point(table["theta"].to_numpy())
+    given = observe(replace(table_only, impacts=table.assign(r_x=r[:, 0] + 0.002, r_y=r[:, 1] - 0.001)))
+    np.testing.assert_allclose(given.offset, np.tile([0.002, -0.001], (len(o), 1)), atol=1e-12)
+    # without stated noise only scatter is known
+    silent = observe(replace(table_only, header=table_only.header.model_copy(update={"noise": None})))
+    assert not silent.noise_known and (silent.cov == 0.0).all()
 
 
-def test_a_given_contact_point_is_kept_as_an_offset(table_only):
-    r = table_only.shape.contact_point(table_only.impacts["theta"].to_numpy())
-    table = table_only.impacts.assign(r_x=r[:, 0] + 0.002, r_y=r[:, 1] - 0.001)
-    o = observe(replace(table_only, impacts=table))
-    np.testing.assert_allclose(o.offset, np.tile([0.002, -0.001], (len(o), 1)), atol=1e-12)
-
-
-def test_without_stated_noise_only_scatter_is_known(table_only):
-    header = table_only.header.model_copy(update={"noise": None})
-    o = observe(replace(table_only, header=header))
-    assert not o.noise_known
-    assert (o.cov == 0.0).all()
-
-
-def test_noise_in_the_samples_is_that_of_the_rig():
+def test_noise_in_the_samples_is_that_of_the_rig_and_flights_have_enough_of_them():
+    assert observed().flights.span.min() > (MIN_FLIGHT - 2) / 250.0
     assert observed().found.noise.position == pytest.approx(RIG_NOISE.position, rel=0.1)
     assert observed().found.noise.angle == pytest.approx(RIG_NOISE.angle, rel=0.1)
 

@@ -6,8 +6,7 @@ from datetime import date, timedelta
 import numpy as np
 import pandas as pd
 import pytest
-from hidden_effects import injected_impacts, simulated
-from plain_drops import drops
+from hidden_effects import drops, injected_impacts, simulated
 
 from thesis_lib.contact import LAWS
 from thesis_lib.critique.contacts.kinds import bind

@@ -99,15 +99,12 @@ def test_an_inertia_that_was_measured_is_no_cause(cause):
     assert any("stands in for something else: it contradicts the stated inertia by" in sentence for sentence in rest)
 
 
-def test_a_statement_changes_no_number():
+def test_a_statement_changes_no_number_and_a_vague_one_leaves_room_for_the_effect():
     plain, sure = told("lighter", None), told("lighter", SURE)
     # seeds derive from the digest
     assert unstated("lighter").source.digest() == critique("lighter", SURE).source.digest()
     assert plain["error"] == sure["error"]
     assert plain["effects"][0]["parameters"] == sure["effects"][0]["parameters"]
-
-
-def test_a_vague_statement_leaves_room_for_the_effect():
     (effect,) = told("lighter", UNSURE)["effects"]
     assert effect["stand_in"] is None and told("lighter", UNSURE)["verdict"] == "effects"
 

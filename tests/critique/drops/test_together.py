@@ -49,15 +49,13 @@ def assert_the_same(model: Model, observations) -> None:
             np.testing.assert_allclose(f, flights_alone, atol=CLOSE, rtol=CLOSE)
 
 
-@pytest.mark.parametrize("name", effects_in(PLANE))
-def test_effects_take_a_value_for_each_body(observations, name):
-    if EFFECTS[name].applies_to(observations.rig):
-        assert_the_same(Model(BASES["mirtich"], (EFFECTS[name],), True), observations)
-
-
-@pytest.mark.parametrize("name", RESERVE)
-def test_contacts_that_take_time_take_a_value_for_each_body(observations, name):
-    assert_the_same(Model(BASES[name], (EFFECTS["wrong_inertia"],), True), observations)
+@pytest.mark.parametrize(
+    ("base", "effect"),
+    [*(("mirtich", name) for name in effects_in(PLANE)), *((base, "wrong_inertia") for base in RESERVE)],
+)
+def test_effects_and_contacts_that_take_time_take_a_value_for_each_body(observations, base, effect):
+    if EFFECTS[effect].applies_to(observations.rig):
+        assert_the_same(Model(BASES[base], (EFFECTS[effect],), True), observations)
 
 
 def test_fits_that_go_together_are_those_alone(observations):

@@ -1,4 +1,4 @@
-"""Regions are found where they were planted, none where there is none, and class tests tell classes apart."""
+"""Regions are where they were planted, class tests tell classes apart, and only what the model lacks is learned."""
 
 from dataclasses import replace
 
@@ -9,11 +9,15 @@ from hidden_effects import injected_impacts
 
 from thesis_lib.contact import LAWS
 from thesis_lib.critique.contacts.model import Model
+from thesis_lib.critique.drops.features import remaining
 from thesis_lib.critique.drops.questions.class_tests import class_tests
 from thesis_lib.critique.drops.questions.flight_residuals import flight_features
+from thesis_lib.critique.drops.questions.floor import FEWEST, NEAREST, floor
 from thesis_lib.critique.drops.questions.where import FEWEST_HELD_OUT, LEVEL, Condition, flight_regions, regions, where
-from thesis_lib.critique.likelihood.fit import fit
-from thesis_lib.critique.likelihood.observations import observe
+from thesis_lib.critique.drops.world import Drops
+from thesis_lib.critique.likelihood.fit import Fit, fit
+from thesis_lib.critique.likelihood.observations import Observations, observe
+from thesis_lib.effects import EFFECTS
 
 N = 300
 SEEDS = 20
@@ -92,8 +96,8 @@ def test_errors_without_structure_give_no_region():
     assert false <= 4, f"{false} of {SEEDS} at level {LEVEL}"
 
 
-def test_regions_do_not_overlap_and_have_support(hidden_drops):
-    found = where(hidden_drops, np.random.default_rng(0))
+def test_regions_do_not_overlap_and_have_support(hidden_drops, drops_regions):
+    found = drops_regions
     for part in (found["regions"], found["after"]["regions"]):
         assert len(part) <= 3
         assert all(0.05 <= region["support"] <= 0.6 and region["ratio"] > 1.0 for region in part)
@@ -103,10 +107,9 @@ def test_regions_do_not_overlap_and_have_support(hidden_drops):
     assert found == where(hidden_drops, np.random.default_rng(0))
 
 
-def test_flights_have_rules_of_their_own_and_change_no_other(hidden_drops, hidden_impacts):
-    found = where(hidden_drops, np.random.default_rng(0))
+def test_flights_have_rules_of_their_own_and_change_no_other(hidden_drops, drops_regions, hidden_impacts):
     # friction acts on impacts only
-    assert found["flight_regions"] == [] == found["after"]["flight_regions"]
+    assert drops_regions["flight_regions"] == [] == drops_regions["after"]["flight_regions"]
     assert where(hidden_impacts)["flight_regions"] == []
     rng, untouched = np.random.default_rng(0), np.random.default_rng(0)
     flight_regions(hidden_drops, hidden_drops.ladder[0][1], rng.spawn(1)[0])
@@ -149,8 +152,8 @@ def test_nothing_hidden_fails_no_class_test(nothing_hidden):
         assert abs(balance[name]["value"] - 1.0) < 4.0 * balance[name]["std"]
 
 
-def test_direction_dependent_friction_breaks_parity_and_nothing_else(hidden_drops):
-    found = where(hidden_drops, np.random.default_rng(0))["class_tests"]
+def test_direction_dependent_friction_breaks_parity_and_nothing_else(drops_regions):
+    found = drops_regions["class_tests"]
     assert found["parity"]["p_value"] < CERTAIN
     for name in ("rigid_point", "momentum_balance", "homogeneity"):
         assert found[name]["p_value"] > UNSEEN, name
@@ -196,3 +199,45 @@ def test_a_wall_is_named_and_never_more_or_less_than_another():
     (worst, *_) = regions(table, z.to_numpy(), z.to_numpy(), np.ones(n, bool), rng)
     assert worst["rule"] == "the wall is left" and worst["conditions"][0]["wall"] == "left"
     assert worst["n"] == int((table["wall"] == 1.0).sum())
+
+
+HIDDEN = "velocity_dependent_restitution"
+VALUES = {f"{HIDDEN}.p": 0.5, f"{HIDDEN}.c": 0.0}
+NEAR = 2.5  # times the error of a perfect model; the nearest of 1,000 states differ by several times the noise
+
+
+@pytest.fixture(scope="module")
+def impacts() -> Observations:
+    return observe(injected_impacts("hidden", 1000, 3, HIDDEN, VALUES))
+
+
+def fitted(impacts: Observations, effects: tuple = ()) -> Fit:
+    return fit(Model(LAWS["anitescu_potra_newton"], effects), impacts)
+
+
+def test_nothing_is_left_to_learn_where_the_model_is_true(impacts):
+    true = fitted(impacts, (EFFECTS[HIDDEN],))
+    found, noise = floor(true, impacts, np.random.default_rng(0)), Drops(impacts).judge(true).floor
+    assert found.error == pytest.approx(noise, rel=0.1)
+    assert found.gain[1] <= 0.0
+    assert found.pairs < NEAR * noise
+
+
+def test_what_the_model_lacks_is_learned(impacts):
+    wrong = fitted(impacts)
+    found, noise = floor(wrong, impacts, np.random.default_rng(0)), Drops(impacts).judge(wrong).floor
+    assert found.error > 3.0 * noise
+    low, high = found.gain[1:]
+    assert 0.0 < low < found.gain[0] < high
+    assert found.gain[0] == pytest.approx(found.error - found.learned)
+    assert found.learned < 0.75 * found.error
+    # near pairs share most of what is missing
+    assert noise < found.pairs < 0.7 * found.error
+
+
+def test_few_impacts_have_no_pairs_and_structure_is_not_looked_for_in_less_than_two_a_half(impacts):
+    few = impacts.rows(np.arange(round(0.9 * FEWEST / NEAREST / 2)))
+    assert floor(fitted(few), few, np.random.default_rng(0)).pairs is None
+    for n in (0, 1, 3):
+        found = remaining(fitted(impacts), impacts.rows(np.arange(n)), np.random.default_rng(0))
+        assert found.p_value == 1.0 and not found.depends_on and found.error_before == found.error_after < 0.5

@@ -39,12 +39,14 @@ from thesis_lib.effects.effect import Rig
 from thesis_lib.engines.bullet_engine import PACKAGE
 from thesis_lib.engines.engine import impacts
 from thesis_lib.engines.mujoco_engine import STEPS, MujocoEngine
+from thesis_lib.engines.parameters import bullet_numbers
 from thesis_lib.extensions.effect_probe import random_states
 from thesis_lib.figures.critique.pictures import draw_models
 from thesis_lib.foundation.columns import explain
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.mechanics.state import State
 from thesis_lib.report.critique.tables import models as page_of_models
+from thesis_lib.simulate.compliant.drops import Falls, OwnContact
 from thesis_lib.simulate.drake.drops import DropsInDrake
 from thesis_lib.simulate.mujoco.causes import MujocoCauses
 from thesis_lib.simulate.mujoco.contact import MujocoContact
@@ -54,8 +56,11 @@ from thesis_lib.simulate.rig.hidden_causes import ELLIPSE_BODY, SQUARE, Complian
 RIG = Rig(ELLIPSE_BODY.shape, ELLIPSE_BODY.radius_of_gyration, 9.81, 0.0)
 T = 1e-3  # s
 bullet = pytest.mark.skipif(not find_spec("pybullet"), reason=f"Bullet is optional: pip install {PACKAGE}")
-VALUES = {"mu": 0.2, "epsilon": 0.6, "damping_ratio": 10.0, "impedance": 0.9}
+MU, EPSILON = 0.2, 0.6
+VALUES = {"mu": MU, "epsilon": EPSILON, "damping_ratio": 10.0, "impedance": 0.9}
 OFFSET = 1e-3  # m
+# of drops in Bullet, whose corners are small balls: s, m, and the energy per mass below which the recording ends, m²/s²
+STEP, CORNER, REST = 1e-5, 1e-6, 0.15
 
 
 def at_touch(n: int) -> State:
@@ -68,7 +73,7 @@ def model_of(engine: str, *effects: str) -> Model:
 
 def values_of(engine: str, **more: float) -> dict:
     force = engine_law(engine).force
-    loss = force.loss(np.array([VALUES["epsilon"]]))
+    loss = force.loss(np.array([EPSILON]))
     return VALUES | {"tau": T * float((force.centroid(loss) / force.duration(loss))[0])} | more
 
 
@@ -77,7 +82,7 @@ def test_mujoco_resolves_the_contact_with_those_numbers(effects):
     touch, names = at_touch(12), ["com_offset", "wrong_inertia"] if effects else []
     after, took = press_in_engine(bind(model_of("mujoco", *names), values_of("mujoco", **effects), RIG), touch)
     causes = HiddenCauses(**{CAUSE_OF[key]: value for key, value in effects.items()})
-    own = {"mu": VALUES["mu"], "epsilon": VALUES["epsilon"], "impedance": VALUES["impedance"]}
+    own = {"mu": MU, "epsilon": EPSILON, "impedance": VALUES["impedance"]}
     contact = MujocoContact(contact_time=T, impratio=10.0, steps=STEPS, **own)
     body = Body(shape=RIG.shape, mass=MASS, radius_of_gyration=RIG.k_g)
     expected = impacts(MujocoEngine(body, 12, contact=contact, causes=causes), touch.q, touch.v)
@@ -95,7 +100,7 @@ def test_a_central_impact_gives_back_epsilon_at_one_metre_a_second(engine):
     pose, v = np.array([[0.0, RIG.shape.semi_axes[1], 0.0]]), np.array([[0.0, -1.0, 0.0]])
     flat = State.of(pose, v, np.zeros(1, int), np.zeros(1))
     after, took = press_in_engine(bind(model_of(engine), values_of(engine), RIG), flat)
-    assert after.vy[0] == pytest.approx(VALUES["epsilon"], abs=0.02)
+    assert after.vy[0] == pytest.approx(EPSILON, abs=0.02)
     assert took[0] > 0.9 * T
 
 
@@ -162,16 +167,11 @@ def test_what_an_engine_cannot_have_is_told(engine, effects, missing):
     assert lacks(engine, [EFFECTS[name] for name in effects]) == missing
 
 
-@pytest.mark.parametrize(
-    ("text", "said"), [("laws,gazebo", "knows no 'gazebo'; known are laws, mujoco, drake"), (" , ", "at least one")]
-)
-def test_models_that_are_unknown_are_refused(text, said):
-    with pytest.raises(UserError, match=said):
-        read_models(text)
+def test_models_that_are_unknown_or_of_many_datasets_are_refused(tmp_path, capsys):
+    for text, said in (("laws,gazebo", "knows no 'gazebo'; known are laws, mujoco, drake"), (" , ", "at least one")):
+        with pytest.raises(UserError, match=said):
+            read_models(text)
     assert read_models("laws, mujoco,mujoco") == ("laws", "mujoco")
-
-
-def test_the_command_refuses_models_of_many_datasets(tmp_path, capsys):
     assert command(["--batch", str(tmp_path), "--models", "laws"]) == 2
     assert "--models compares models on one dataset" in capsys.readouterr().err
     assert command([str(tmp_path), "--models", "gazebo"]) == 2
@@ -181,7 +181,7 @@ def test_the_command_refuses_models_of_many_datasets(tmp_path, capsys):
 @pytest.fixture(scope="module")
 def found():
     """Squares of MuJoCo whose centre of mass is displaced, criticised and compared."""
-    contact, hidden = MujocoContact(mu=0.2, epsilon=0.6, contact_time=T), MujocoCauses(com_offset_x=OFFSET)
+    contact, hidden = MujocoContact(mu=MU, epsilon=EPSILON, contact_time=T), MujocoCauses(com_offset_x=OFFSET)
     dataset = recorded(SQUARE, 48, 3, "squares", engine=DropsInMujoco(), contact=contact, hidden=hidden)
     settings = CritiqueSettings(episodes=False, folds=2, finalists=2, max_effects=1)
     judged = criticise_drops(dataset, rng=np.random.default_rng(0), settings=settings)
@@ -211,14 +211,14 @@ def test_an_engine_is_recognised_as_the_model_of_its_own_drops(found):
 
 @pytest.mark.slow
 def test_hydroelastic_bodies_are_an_engine_that_gives_back_what_made_its_drops():
-    contact = CompliantContact(mu=VALUES["mu"], epsilon=VALUES["epsilon"], contact_time=T)
+    contact = CompliantContact(mu=MU, epsilon=EPSILON, contact_time=T)
     # the mesh of an ellipse takes far longer than that of a square
     made = recorded(SQUARE, 10, 5, engine=DropsInDrake("hydroelastic"), contact=contact)
     observations = observe(made, episodes=False)
     near = fit(Model(BASES[STAND_INS["drake_hydroelastic"][0]], takes_time=True), observations)
     found = fit_engine("drake_hydroelastic", near, observations)
-    assert found.values["mu"] == pytest.approx(VALUES["mu"], abs=4.0 * found.std["mu"])
-    assert found.std["mu"] < 0.01 * VALUES["mu"]
+    assert found.values["mu"] == pytest.approx(MU, abs=4.0 * found.std["mu"])
+    assert found.std["mu"] < 0.01 * MU
 
 
 @pytest.mark.slow
@@ -288,8 +288,69 @@ def test_bullet_is_optional_and_told_how_to_install(monkeypatch, tmp_path, capsy
     monkeypatch.setitem(sys.modules, "pybullet", None)
     with pytest.raises(UserError, match=r"Bullet cannot be used here .*: pip install pybullet==3\.2\.7"):
         press_in_engine(bind(model_of("bullet"), values_of("bullet"), RIG), at_touch(1))
-
-
-def test_the_version_of_bullet_that_is_named_is_the_one_that_is_pinned():
     pinned = (Path(__file__).resolve().parents[3] / "benchmarks" / "requirements.txt").read_text(encoding="utf-8")
     assert PACKAGE in pinned.splitlines()
+
+
+class DropsInBullet:
+    """Drops of a square in Bullet, its corners small balls; what `simulate_compliant_drops` asks of an engine."""
+
+    def accepts(self, contact, hidden):
+        return OwnContact().accepts(contact, hidden)
+
+    def fall(self, mechanics, pose, velocity, instants):
+        import pybullet
+
+        samples, t = instants.samples, np.zeros(len(pose))
+        poses = np.full((len(pose), len(samples), 3), np.nan)
+        numbers = bullet_numbers(MU, EPSILON, T, mass=mechanics.mass, step=STEP)
+        world = pybullet.connect(pybullet.DIRECT)
+        surface = pybullet.createMultiBody(
+            0, pybullet.createCollisionShape(pybullet.GEOM_PLANE, planeNormal=[0, 1, 0]), basePosition=[0, -CORNER, 0]
+        )
+        pybullet.changeDynamics(surface, -1, lateralFriction=1, contactStiffness=1e18, contactDamping=0)
+        corners = [[x, y, 0.0] for x, y in mechanics.vertices]
+        shape = pybullet.createCollisionShapeArray(
+            [pybullet.GEOM_SPHERE] * 4, radii=[CORNER] * 4, collisionFramePositions=corners
+        )
+        body = pybullet.createMultiBody(mechanics.mass, shape)
+        soft = {"contactStiffness": numbers.stiffness, "contactDamping": numbers.damping, "lateralFriction": MU}
+        turning = {"localInertiaDiagonal": [mechanics.inertia] * 3, "maxJointVelocity": 1e6}
+        pybullet.changeDynamics(body, -1, linearDamping=0, angularDamping=0, **soft, **turning)
+        pybullet.setGravity(0, -9.81, 0)
+        pybullet.setPhysicsEngineParameter(fixedTimeStep=STEP, contactSlop=0, contactERP=0)
+        for i, (q, v) in enumerate(zip(pose, velocity)):
+            turn = [0, 0, np.sin(q[2] / 2), np.cos(q[2] / 2)]
+            pybullet.resetBasePositionAndOrientation(body, [q[0], q[1], 0], turn)
+            pybullet.resetBaseVelocity(body, [v[0], v[1], 0], [0, 0, v[2]])
+            for k in range(len(samples)):
+                place, turn = pybullet.getBasePositionAndOrientation(body)
+                (vx, vy, _), (_, _, w) = pybullet.getBaseVelocity(body)
+                poses[i, k] = place[0], place[1], 2.0 * np.arctan2(turn[2], turn[3])
+                t[i] = samples[k]
+                if 0.5 * (vx**2 + vy**2 + mechanics.inertia / mechanics.mass * w**2) + 9.81 * (place[1] - 0.03) < REST:
+                    break
+                for _ in range(round(1.0 / instants.rate / STEP)):
+                    pybullet.stepSimulation()
+            seen = ~np.isnan(poses[i, :, 2])
+            poses[i, seen, 2] = q[2] + np.unwrap(poses[i, seen, 2] - q[2])
+        pybullet.disconnect(world)
+        return Falls(lambda times: poses, [], t)
+
+
+@bullet
+@pytest.mark.slow
+def test_bullet_is_recognised_as_the_model_of_its_own_drops():
+    contact = CompliantContact(mu=MU, epsilon=EPSILON, contact_time=T)
+    dataset = recorded(SQUARE, 40, 3, "squares", contact=contact, engine=DropsInBullet(), duration=0.5)
+    settings = CritiqueSettings(folds=2, finalists=2, max_effects=1)
+    judged = criticise_drops(dataset, rng=np.random.default_rng(0), effects=[], settings=settings)
+    table = compare_models(judged, ("mujoco", "bullet")).set_index("model")
+    assert (table["effects"] == WITHOUT).all() and table.index[0] == "bullet"
+    best, default = table.loc["bullet"], table[table["kind"] == "default"].loc["bullet:default"]
+    assert best["error"] < 1.25 * best["noise_floor"]
+    assert abs(best["mu"] - MU) < 4.0 * best["mu_std"] and abs(best["epsilon"] - EPSILON) < 4.0 * best["epsilon_std"]
+    assert best["contact_time"] == pytest.approx(T, rel=0.05)
+    assert table.loc["mujoco", "behind_low"] > 0.0
+    assert (default["kind"], default["mu"], default["epsilon"]) == ("default", 0.25, 0.0)
+    assert default["error"] > 10.0 * best["error"]

@@ -109,13 +109,6 @@ def test_the_numbers_are_those_of_the_model(tmp_path):
         np.testing.assert_allclose(getattr(hull, name), getattr(fresh.geom("body"), name))
     np.testing.assert_allclose(new.pair_friction[PAIR], [0.2, 0.2, 0.01, 0.001, 0.001])
     np.testing.assert_allclose(new.pair_solref[PAIR], fresh.geom("body").solref)
-    other = mujoco.MjModel.from_xml_string(MJCF)
-    for name in ("post", "p", "table", "logo"):
-        kind = "body" if name == "post" else "geom"
-        before, after = getattr(other, kind)(name), getattr(new, kind)(name)
-        fields = ("mass", "inertia", "ipos") if kind == "body" else ("friction", "solref", "solimp", "priority")
-        for field in fields:
-            np.testing.assert_array_equal(getattr(before, field), getattr(after, field))
 
 
 @pytest.mark.parametrize("target", FILES)
@@ -127,31 +120,15 @@ def test_patching_twice_changes_nothing_more(target, tmp_path):
 
 @pytest.mark.parametrize("target", ["sdf", "urdf"])
 def test_drake_reads_a_patched_file(target, tmp_path):
-    from pydrake.geometry import Role
-
+    """Its friction and springs do what they should: tests/critique/export/test_engine_files.py."""
     path = file_of(tmp_path, FILES[target], f"mine.{target}")
-    made = patched(model(), target, path, "block", mass=0.06, surface="table")
-    path.write_bytes(made.content)
-    simulator, plant = plant_of(path)
-    mass, centre, about = inertia_in_drake(plant, "block")
+    made = patched(model(), target, path, "block", mass=0.06, surface="table").content
+    path.write_bytes(made)
+    mass, centre, about = inertia_in_drake(plant_of(path)[1], "block")
     assert mass == pytest.approx(0.06) and about[1, 1] == pytest.approx(0.06 * BODIES["square"].radius_of_gyration ** 2)
     np.testing.assert_allclose(centre, [0.001, 0.0, -0.002])
-    inspector = simulator.get_system().GetSubsystemByName("scene_graph").model_inspector()
-    both = []
-    for name in ("block", "table"):
-        frame = plant.GetBodyFrameIdOrThrow(plant.GetBodyByName(name).index())
-        (geometry,) = inspector.GetGeometries(frame, Role.kProximity)
-        properties = inspector.GetProximityProperties(geometry)
-        assert properties.GetProperty("material", "coulomb_friction").dynamic_friction() == pytest.approx(0.2)
-        spring = ("point_contact_stiffness", "hunt_crossley_dissipation")
-        both.append([properties.GetProperty("material", one) for one in spring])
-    assert both[0] == both[1]
-    fresh = exported(model(), target, mass=0.06).content.decode()
-    assert f"{both[0][1]:.9g}" in fresh  # a square has two spheres at an edge, so half the stiffness
     if target == "sdf":
-        assert (
-            b"<mu>0.2</mu><mu2>0.2</mu2>" in made.content and b"<mass>0.06<!-- kg, roughly --></mass>" in made.content
-        )
+        assert b"<mu>0.2</mu><mu2>0.2</mu2>" in made and b"<mass>0.06<!-- kg, roughly --></mass>" in made
 
 
 def test_spheres_behind_each_other_share_the_load(tmp_path):

@@ -31,6 +31,9 @@ def test_its_hits_have_an_unknown_spin():
     assert np.all(o.cov[:, 0, [7, 9, 11], [7, 9, 11]] == 0.0)  # of the spin before, which is a nuisance
     assert observe_in_space(tossed(2, spin=8.0)).spin == 8.0
     assert np.abs(o.rig.gap(beside(o, 0))).max() < 3e-3
+    aside = content(tracked={"position": [0.0, 0.0, 0.03]})
+    with pytest.raises(UserError, match="as it is not the tracked point"):  # which needs an orientation
+        observe_in_space(dataset_of(aside, trajectories=tossed(2).trajectories.drop(columns=["qw", "qx", "qy", "qz"])))
 
 
 def test_few_hits_say_restitution():
@@ -48,15 +51,6 @@ def test_a_verdict_names_nothing_that_is_not_hidden(tmp_path):
     assert abs(found["base_model"]["parameters"]["epsilon"]["value"] - TRUTH["epsilon"]) < 0.01
     critique.save(tmp_path / "out")
     assert load_model(tmp_path / "out" / "model.json").law == found["base_model"]["name"]
-
-
-def test_what_needs_an_orientation_is_refused():
-    with pytest.raises(UserError, match="as it is not the tracked point"):
-        observe_in_space(dataset_of(content(tracked={"position": [0.0, 0.0, 0.03]}), trajectories=_bare()))
-
-
-def _bare():
-    return tossed(2).trajectories.drop(columns=["qw", "qx", "qy", "qz"])
 
 
 def test_the_flight_after_a_slow_hit_ends_before_the_next_one():

@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from scipy.spatial.transform import Rotation
-from tosses import simulate_tosses
+from tosses import stated_hits
 
 from tests.critique.simulation.saved_models import space_model
 from tests.datasets.folders_in_space import write_mesh
@@ -20,12 +20,11 @@ from thesis_lib.critique.likelihood.in_space.hits import observe_in_space
 from thesis_lib.critique.results.load_model import load_model
 from thesis_lib.critique.results.saved_in_space import SavedSpaceModel
 from thesis_lib.datasets import dataset_of
-from thesis_lib.datasets.format.frames import surface_frames, tracked_of_body
+from thesis_lib.datasets.format.frames import surface_frames
 from thesis_lib.datasets.format.header import SpaceHeader
 from thesis_lib.datasets.format.table_forms import POSE_IN_SPACE, V_POST_IN_SPACE, V_PRE_IN_SPACE
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.mechanics.space import SPACE
-from thesis_lib.mechanics.state import State
 
 TRUTH = {"mu": 0.25, "epsilon": 0.5}
 CAMERA = Rotation.from_rotvec([0.4, -1.2, 0.7])
@@ -44,18 +43,6 @@ def content(**changes) -> dict:
     } | changes
 
 
-def hits(head: dict, trials: int, seed: int = 0) -> pd.DataFrame:
-    """Hits of tosses as impacts.csv has them: of the tracked frame, in axes of the recording, without noise."""
-    header = SpaceHeader.model_validate(head)
-    made = simulate_tosses(header, trials, np.random.default_rng(seed), **TRUTH).hits
-    table = {"trial": made["trial"], "impact": made.groupby("trial").cumcount(), "t": made["t"]}
-    for names in (V_PRE_IN_SPACE, V_POST_IN_SPACE):
-        motion, pose = made[list(names)].to_numpy(), made[list(POSE_IN_SPACE)].to_numpy()
-        states = tracked_of_body(State.of(pose, motion, made["trial"], made["t"], space=SPACE), header)
-        table |= dict(zip(POSE_IN_SPACE, states.pose)) | dict(zip(names, states.motion))
-    return pd.DataFrame(table)
-
-
 def noisy(table: pd.DataFrame, rng: np.random.Generator) -> pd.DataFrame:
     """The table as it is measured, each side with an error of its own but of one pose."""
     n, pose = len(table), table[list(POSE_IN_SPACE)].to_numpy().T
@@ -69,7 +56,7 @@ def noisy(table: pd.DataFrame, rng: np.random.Generator) -> pd.DataFrame:
 
 def test_the_law_that_made_the_hits_leaves_nothing():
     head = content()
-    o = observe_in_space(dataset_of(head, impacts=hits(head, 6)))
+    o = observe_in_space(dataset_of(head, impacts=stated_hits(head, 6)))
     assert len(o) > 15 and not o.arcs and o.noise_known and set(o.trial) == set(range(6))
     here = Comparison(Model(LAWS["anitescu_potra_newton"], space=SPACE), TRUTH, o)
     assert np.abs(here.R).max() < 1e-6
@@ -77,7 +64,7 @@ def test_the_law_that_made_the_hits_leaves_nothing():
 
 
 def test_one_law_is_fitted_by_one_call_and_predicts():
-    table = hits(content(), 8)
+    table = stated_hits(content(), 8)
     model = fit(dataset_of(content(), impacts=noisy(table, np.random.default_rng(5))), "anitescu_potra_newton")
     for name, value in TRUTH.items():
         fitted = model.parameters[name]
@@ -89,7 +76,7 @@ def test_one_law_is_fitted_by_one_call_and_predicts():
 
 def test_the_covariance_is_that_of_many_measurements():
     head, rng = content(), np.random.default_rng(3)
-    one = hits(head, 1).iloc[[0]]
+    one = stated_hits(head, 1).iloc[[0]]
     many = noisy(one.loc[one.index.repeat(4000)].reset_index(drop=True), rng)
     many["trial"] = np.arange(len(many))
     o = given_in_space(dataset_of(head, impacts=many))
@@ -102,7 +89,7 @@ def test_the_covariance_is_that_of_many_measurements():
 
 def test_what_no_impact_makes_has_a_reason():
     head = content()
-    table = hits(head, 4)
+    table = stated_hits(head, 4)
     up = CAMERA.apply([0.0, 0.0, 1.0])
     table.loc[1, list(V_PRE_IN_SPACE[:3])] = 3.0 * up
     table.loc[2, list(V_POST_IN_SPACE[:3])] = 30.0 * up
@@ -112,7 +99,7 @@ def test_what_no_impact_makes_has_a_reason():
 
 def test_a_contact_point_that_is_given_is_used():
     head = content()
-    table, shift = hits(head, 3), CAMERA.apply([1e-3, -2e-3, 0.0])
+    table, shift = stated_hits(head, 3), CAMERA.apply([1e-3, -2e-3, 0.0])
     plain = given_in_space(dataset_of(head, impacts=table))
     (frame,) = surface_frames(SpaceHeader.model_validate(head))
     lowest = frame.vectors_out(plain.lines(0).position + plain.rig.lowest(plain.lines(0))) + frame.origin[:, None]
@@ -125,7 +112,7 @@ def test_a_contact_point_that_is_given_is_used():
 def test_a_ball_without_orientation_and_what_is_refused():
     ball = {"shape": {"kind": "sphere", "radius": 0.03}, "homogeneous": True, "mass": 0.1}
     head = content(body=ball, tracked={"position": [0.0, 0.0, 0.0]})
-    bare = hits(head, 4).drop(columns=["qw", "qx", "qy", "qz"])
+    bare = stated_hits(head, 4).drop(columns=["qw", "qx", "qy", "qz"])
     o = observe_in_space(dataset_of(head, impacts=bare))
     assert len(o) > 10 and not o.rig.has_angle and o.noise_known
     with pytest.raises(UserError, match="the centre of mass is not at the tracked point"):
@@ -134,20 +121,20 @@ def test_a_ball_without_orientation_and_what_is_refused():
     two = {key: value for key, value in content().items() if key != "surface"}
     two |= {"surfaces": [floor | {"name": "floor"}, floor | {"name": "shelf", "point": [0.1, 0.2, 1.0]}]}
     one = two | {"surfaces": [floor | {"name": "floor"}]}
-    assert len(observe_in_space(dataset_of(one, impacts=hits(content(), 2)))) == len(hits(content(), 2))
+    assert len(observe_in_space(dataset_of(one, impacts=stated_hits(content(), 2)))) == len(stated_hits(content(), 2))
     with pytest.raises(UserError, match="several surfaces cannot be told apart"):
-        observe_in_space(dataset_of(two, impacts=hits(content(), 2)))
+        observe_in_space(dataset_of(two, impacts=stated_hits(content(), 2)))
 
 
 @pytest.mark.slow
 def test_a_model_of_a_mesh_keeps_its_mesh(tmp_path):
     shape = write_mesh(tmp_path / "data")  # the same box
     head = content(body={"shape": shape, "homogeneous": True, "mass": 0.25})
-    found = criticise(dataset_of(head, impacts=hits(content(), 5), folder=tmp_path / "data"))
+    found = criticise(dataset_of(head, impacts=stated_hits(content(), 5), folder=tmp_path / "data"))
     assert found.to_dict()["verdict"] is None
     found.save(tmp_path / "out")
     model = load_model(tmp_path / "out" / "model.json")
-    after = model.predict(hits(content(), 2, seed=1)[["trial", "t", *POSE_IN_SPACE, *V_PRE_IN_SPACE]])
+    after = model.predict(stated_hits(content(), 2, seed=1)[["trial", "t", *POSE_IN_SPACE, *V_PRE_IN_SPACE]])
     assert (after["status"] == "ok").all()
     write_mesh(tmp_path / "out", half_extents=(0.05, 0.04, 0.02))
     with pytest.raises(UserError, match="the mesh is not the one that the model was fitted to"):
@@ -161,7 +148,7 @@ def test_a_model_of_a_mesh_keeps_its_mesh(tmp_path):
 @pytest.mark.usefixtures("without_pictures")
 def test_impacts_alone_are_criticised(tmp_path):
     head = content()
-    found = criticise(dataset_of(head, impacts=noisy(hits(head, 25), np.random.default_rng(1))))
+    found = criticise(dataset_of(head, impacts=noisy(stated_hits(head, 25), np.random.default_rng(1))))
     told = found.to_dict()
     assert told["verdict"] == "adequate" and told["base_model"]["name"] == "anitescu_potra_newton"
     for name, value in TRUTH.items():
@@ -178,7 +165,7 @@ def model_with(**values: float) -> SavedSpaceModel:
 
 
 def test_a_model_of_later_hits_predicts_them_by_their_tosses():
-    table = hits(content(), 6)
+    table = stated_hits(content(), 6)
     given = table.drop(columns=list(V_POST_IN_SPACE))
     found = model_with(**{"later_restitution.d": -0.4}).predict(given)
     first = table["impact"] == 0
@@ -197,7 +184,7 @@ def test_a_model_of_later_hits_predicts_them_by_their_tosses():
 
 def test_the_command_predicts_as_json_in_space(tmp_path, capsys):
     model_with().save(tmp_path / "model.json")
-    hits(content(), 3).to_csv(tmp_path / "states.csv", index=False)
+    stated_hits(content(), 3).to_csv(tmp_path / "states.csv", index=False)
     assert main(["predict", str(tmp_path / "model.json"), str(tmp_path / "states.csv"), "--json"]) == 0
     told = json.loads(capsys.readouterr().out)
     assert set(told["predictions"][0]) == {*V_POST_IN_SPACE, "status"}

@@ -57,12 +57,9 @@ def tossed(request):
         alone.append(len(apart) < 2 or apart[1] > ALONE)
     matched = true.loc[rows]
     (frame,) = surface_frames(dataset.in_space)
+    pose = matched[list(POSE_IN_SPACE)].to_numpy()
     states = [
-        frame.seen(
-            State.of(
-                matched[list(POSE_IN_SPACE)].to_numpy(), matched[list(v)].to_numpy(), found.trial, found.t, space=SPACE
-            )
-        )
+        frame.seen(State.of(pose, matched[list(v)].to_numpy(), found.trial, found.t, space=SPACE))
         for v in (V_PRE_IN_SPACE, V_POST_IN_SPACE)
     ]
     return SimpleNamespace(
@@ -77,9 +74,8 @@ def test_motions_beside_a_hit_are_true_within_their_covariance(tossed):
         found, true = beside(tossed.found, side), tossed.states[side]
         variance = np.einsum("nii->ni", tossed.found.cov[:, side])
         late = tossed.found.t - tossed.matched["t"].to_numpy()
-        there = (
-            true.motion + late * np.array([0.0, 0.0, -9.81, 0.0, 0.0, 0.0])[:, None]
-        )  # at the instant that was found
+        # at the instant that was found
+        there = true.motion + late * np.array([0.0, 0.0, -9.81, 0.0, 0.0, 0.0])[:, None]
         z = ((found.motion - there).T / np.sqrt(variance[:, 1::2]))[tossed.alone]
         # a weak hit in the same window may stay below what chi² of a million hits has
         assert np.abs(z).max() < 8.0 and (np.abs(z) > 4.0).mean() < 0.02
@@ -88,17 +84,19 @@ def test_motions_beside_a_hit_are_true_within_their_covariance(tossed):
         assert np.all((36.0 * variance[:, [0, 2, 4]] > off.T**2)[tossed.alone])
 
 
-def test_instants_are_true_within_their_deviation(tossed):
+def test_most_hits_are_found_at_their_instants_and_the_others_have_a_reason(tossed):
     z = ((tossed.found.t - tossed.matched["t"].to_numpy()) / tossed.found.t_std)[tossed.alone]
     assert np.median(np.abs(z)) < 1.2 and np.abs(z).max() < 8.0
-
-
-def test_most_hits_are_found_and_the_others_have_a_reason(tossed):
+    # the gap of the believed body, whose lowest corner hits, is what the noise of place and instant makes of 0
+    gap = tossed.found.rig.gap(beside(tossed.found, 0))[tossed.alone]
+    assert np.median(np.abs(gap)) < 1e-3 and np.abs(np.median(gap)) < 3e-4
     out, made = tossed.found.found.left_out, len(tossed.true)
     assert len(tossed.found) > 0.4 * made
     assert set(out["reason"]) <= {"second_hit", "window_too_short", "no_approach"}
     assert len(tossed.found) + len(out) <= made + 2
     assert (jump(tossed.found) > 0.1).all()
+    # longer arcs lose hits that follow too soon
+    assert 0 < len(observe_in_space(tossed.dataset, ArcSettings(min_window=12), episodes=False)) < len(tossed.found)
 
 
 def test_noise_that_is_not_stated_is_found(tossed):
@@ -107,13 +105,6 @@ def test_noise_that_is_not_stated_is_found(tossed):
     noise = other.found.noise
     assert noise.angle == pytest.approx(3e-3, rel=0.15) and len(other) > 0.9 * len(tossed.found)
     assert noise.source == "differences"
-
-
-def test_the_corner_that_hits_is_the_lowest_one_of_the_believed_body(tossed):
-    """The gap of the believed body at the hits is what the noise of place and instant makes of 0."""
-    before = beside(tossed.found, 0)
-    gap = tossed.found.rig.gap(before)[tossed.alone]
-    assert np.median(np.abs(gap)) < 1e-3 and np.abs(np.median(gap)) < 3e-4
 
 
 def test_noise_that_a_filter_has_smoothed_makes_no_hits(tossed):
@@ -161,11 +152,6 @@ def test_a_tracked_frame_that_nobody_knows_is_found(tossed):
     few = type(tossed.dataset)("d", header, table[table["trial"] < 2])
     with pytest.raises(UserError, match=r"tracked: unknown: .*follow"):
         observe_in_space(few)
-
-
-def test_longer_arcs_lose_hits_that_follow_too_soon(tossed):
-    fewer = observe_in_space(tossed.dataset, ArcSettings(min_window=12), episodes=False)
-    assert 0 < len(fewer) < len(tossed.found)
 
 
 def test_hits_that_follow_too_soon_are_episodes_between_two_flights(tossed):
@@ -261,15 +247,13 @@ def test_hops_where_samples_are_rounded_let_arcs_meet_deep_below_the_surface(sha
 def test_frames_in_which_a_tag_is_read_in_its_other_pose_are_left_out(tossed):
     rng, table = np.random.default_rng(6), tossed.dataset.trajectories.copy()
     flipped = rng.random(len(table)) < 0.02
-    turned = Rotation.from_quat(table[list(QUATERNION)].to_numpy(), scalar_first=True) * Rotation.from_rotvec(
-        [0, 0.7, 0]
-    )
+    turned = Rotation.from_quat(table[list(QUATERNION)].to_numpy(), scalar_first=True)
+    turned = turned * Rotation.from_rotvec([0, 0.7, 0])
     table.loc[flipped, list(QUATERNION)] = turned.as_quat(scalar_first=True)[flipped]
-    out = out_and_back(*(table[names].to_numpy() for names in ("trial", "t", list(QUATERNION))))
+    names = ("trial", "t", list(QUATERNION))
+    out = out_and_back(*(table[of].to_numpy() for of in names))
     assert out[flipped].mean() > 0.9 and not out[~flipped].any()
     found, expected = observe_in_space(replace(tossed.dataset, trajectories=table)), observe_in_space(tossed.dataset)
     assert f"in {out.sum()} of {len(table)} rows the orientation has jumped" in " ".join(found.found.warnings)
     assert len(found) > 0.9 * len(expected)
-    assert not out_and_back(
-        *(tossed.dataset.trajectories[n].to_numpy() for n in ("trial", "t", list(QUATERNION)))
-    ).any()
+    assert not out_and_back(*(tossed.dataset.trajectories[of].to_numpy() for of in names)).any()

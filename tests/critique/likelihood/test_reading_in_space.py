@@ -1,5 +1,5 @@
-"""Hits of a body whose quaternions are written wrongly or late are found along its true path; models judge what is
-written."""
+"""Hits of a body whose quaternions or stamps are written wrongly or late are found along its true path, also behind
+pictures that are repeated; models judge what is written."""
 
 import re
 
@@ -10,7 +10,7 @@ from tosses import simulate_tosses
 
 from thesis_lib.critique.contacts.kinds import bind
 from thesis_lib.critique.drops.world import Drops
-from thesis_lib.critique.likelihood.in_space.hits import observe_in_space
+from thesis_lib.critique.likelihood.in_space.hits import beside, observe_in_space
 from thesis_lib.datasets import dataset_of
 from thesis_lib.datasets.format.table_forms import QUATERNION
 from thesis_lib.effects import EFFECTS
@@ -53,7 +53,7 @@ def wrong(request, tossed):
 
 def test_what_is_found_does_not_hang_on_how_quaternions_are_written(wrong, right) -> None:
     effect, _, _, found = wrong
-    assert not right.written
+    assert not right.written and right.found.warnings == ()
     assert any(effect in sentence for sentence in found.found.warnings)
     assert len(found) == len(right) > 30
     assert len(found.flights) == len(right.flights) > 10
@@ -104,7 +104,6 @@ def test_a_lag_hides_few_hits(late, right) -> None:
     assert float(lag[1]) == pytest.approx(1e3 * abs(frames) / CONTENT["rate"], rel=0.05) and lag[2] == where
     # samples next to a hit have no orientation, and some trials lose one at their end
     assert len(found.single) > 0.65 * len(right.single)
-    assert not any("orientations come" in said for said in right.found.warnings)
 
 
 def test_models_with_a_lag_are_compared_with_the_times_in_the_file(late) -> None:
@@ -121,3 +120,29 @@ def test_models_with_a_lag_are_compared_with_the_times_in_the_file(late) -> None
         bind(without.model, without.values, found.rig).to_true(seen).attitude, seen.attitude
     )
     np.testing.assert_allclose(turned, seen.spin * lag, atol=3e-4 * np.abs(seen.spin).max())
+
+
+@pytest.mark.slow
+def test_stamps_of_arrival_give_way_to_those_of_the_pictures(tossed):
+    rng, table = np.random.default_rng(0), tossed.trajectories
+    late = table.assign(t=table["t"] + np.minimum(rng.exponential(2e-3, len(table)), 4e-3))
+    right, mended = (observe_in_space(dataset_of(CONTENT, trajectories=t), episodes=False) for t in (table, late))
+    (said,) = mended.found.warnings
+    assert said.startswith("The time stamps are those of arrival")
+    assert abs(len(mended) - len(right)) <= 2
+    hits = {(int(n), int(i)): k for k, (n, i) in enumerate(zip(right.trial, right.impact))}
+    both = [(k, hits[n, i]) for k, (n, i) in enumerate(zip(mended.trial, mended.impact)) if (n, i) in hits]
+    one, other = np.array(both).T
+    off = beside(mended, 0).velocity[:, one] - beside(right, 0).velocity[:, other]
+    assert len(both) > 15 and np.median(np.abs(off)) < 0.01  # of 2 m/s
+
+
+def test_pictures_that_repeat_the_one_before_are_lost_frames(tossed):
+    table = tossed.trajectories.copy()
+    trial, pose = table["trial"].to_numpy(), [name for name in table if name not in ("trial", "t")]
+    rows = np.arange(6, len(table), 7)
+    rows = rows[trial[rows] == trial[rows - 1]]
+    table.loc[table.index[rows], pose] = table[pose].to_numpy()[rows - 1]
+    o = observe_in_space(dataset_of(CONTENT, trajectories=table), episodes=False)
+    assert len(o.found.warnings) == 1 and "repeat the one before" in o.found.warnings[0]
+    assert len(o) > 10

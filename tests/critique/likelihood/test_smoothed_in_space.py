@@ -13,14 +13,24 @@ from thesis_lib.simulate.tosses.example import simulate_tosses
 from thesis_lib.simulate.tosses.own import OwnTosses
 
 
-def observed(**drawn):
-    """The hits of a ball in our own simulator, with what is `drawn` in place of what the seed draws."""
-    usual = {"tosses": 40, "rate": 240.0, "contact_time": 4e-4, "position": 2e-4, "rotation": 2e-3}
-    case = SpaceCase("own", NOTHING, 5)
+def seen(case, **drawn):
+    """Its hits in our own simulator, with what is `drawn` in place of what the seed draws."""
     with pytest.MonkeyPatch.context() as patch:
-        for name, value in (usual | drawn).items():
+        for name, value in drawn.items():
             patch.setitem(case.drawn, name, value)
         return observe_in_space(make(case, OwnTosses()), episodes=False)
+
+
+def observed(**drawn):
+    """The hits of a ball."""
+    usual = {"tosses": 40, "rate": 240.0, "contact_time": 4e-4, "position": 2e-4, "rotation": 2e-3}
+    return seen(SpaceCase("own", NOTHING, 5), **usual | drawn)
+
+
+def undisturbed(seed, **drawn):
+    """The hits of a body whose frames all come in time, and are not smoothed."""
+    usual = {"irregular": 0.0, "dropped": 0.0, "bursts": 0.0, "flips": 0.0, "filter": "none", "tosses": 40}
+    return seen(WorldsCase("own", NOTHING, seed), **usual | drawn)
 
 
 @pytest.mark.slow
@@ -49,16 +59,6 @@ def test_a_moving_average_lowers_free_fall_and_a_median_does_not(hidden):
     if not hidden:  # arcs under a wrong gravity end elsewhere the further away they start
         height, smooth = (np.median(o.rig.gap(beside(o, 0))) for o in (plain, mean))
         assert abs(smooth - height) < 0.2 * 0.5 * plain.rig.gravity * true
-
-
-def undisturbed(seed, **drawn):
-    """The hits of a body whose frames all come in time, and are not smoothed."""
-    usual = {"irregular": 0.0, "dropped": 0.0, "bursts": 0.0, "flips": 0.0, "filter": "none", "tosses": 40}
-    case = WorldsCase("own", NOTHING, seed)
-    with pytest.MonkeyPatch.context() as patch:
-        for name, value in (usual | drawn).items():
-            patch.setitem(case.drawn, name, value)
-        return observe_in_space(make(case, OwnTosses()), episodes=False)
 
 
 @pytest.mark.slow

@@ -102,10 +102,7 @@ def test_the_inertia_that_follows_from_a_mistyped_radius_is_one_cause_with_it():
         effects = of_size(shape, k_g, wrong_size=(0.2, 0.002), **alone)
         assert effects[0]["could_be"]["explains"] == [] and "one cause" not in next(said(effects))
     assert list(said(of_size(shape, 1.01 * k_g, wrong_size=(0.2, 0.002)))) == []  # k was measured
-
-
-def test_another_shape_is_told_the_factor():
-    square = Polygon(vertices=((-0.02, -0.02), (0.02, -0.02), (0.02, 0.02), (-0.02, 0.02)))
+    square = Polygon(vertices=((-0.02, -0.02), (0.02, -0.02), (0.02, 0.02), (-0.02, 0.02)))  # is told the factor
     (sentence,) = said(of_size(square, square.radius_of_gyration, wrong_size=(-0.05, 0.001)))
     assert "5.0\xa0% smaller" in sentence and "with the lengths of --shape times 0.9500." in sentence
 

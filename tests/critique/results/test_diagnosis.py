@@ -124,6 +124,23 @@ def said(told: dict, *effects: dict, error: dict | None = None, **changes) -> st
     return " ".join(summary({**told, "effects": found, "error": told["error"] | (error or {}), **changes}))
 
 
+def told_of(critique, **changes) -> dict:
+    """The diagnosis of the critique where these fields are others."""
+    return diagnosis(replace(critique, **changes), np.random.default_rng(0))
+
+
+def with_floor(critique, floor: float) -> dict:
+    """What is told where the noise floor is another one."""
+    ladder = tuple((label, one, replace(judged, floor=floor)) for label, one, judged in critique.ladder)
+    return told_of(critique, ladder=ladder)
+
+
+def with_left(critique, p_value: float, after: float, *depends_on: str, **changes) -> dict:
+    """What is told where the errors left can be learned as this says."""
+    left = replace(critique.remaining, p_value=p_value, error_before=0.2, error_after=after, depends_on=depends_on)
+    return told_of(critique, remaining=left, **changes)
+
+
 def test_the_format_has_every_key_of_the_design(told, told_nothing):
     assert {
         *("schema", "dataset", "n_impacts", "n_trials", "base_model", "verdict", "effects", "error"),
@@ -180,21 +197,22 @@ def test_numbers_are_json_with_six_digits(told, told_nothing):
         json.dumps(content, allow_nan=False)
 
 
-def test_unknown_noise_and_a_base_below_the_floor_give_null(hidden_impacts):
-    def with_floor(floor: float):
-        ladder = tuple((label, one, replace(j, floor=floor)) for label, one, j in hidden_impacts.ladder)
-        return diagnosis(replace(hidden_impacts, ladder=ladder), np.random.default_rng(0))["error"]
-
-    assert with_floor(np.nan)["noise_floor"] is None and with_floor(np.nan)["explained_share"] is None
-    assert with_floor(10.0)["explained_share"] is None
+def test_the_share_explained_is_null_without_a_floor_or_above_the_base_and_no_more_than_all(hidden_impacts):
+    unknown = with_floor(hidden_impacts, np.nan)["error"]
+    assert unknown["noise_floor"] is None and unknown["explained_share"] is None
+    assert with_floor(hidden_impacts, 10.0)["error"]["explained_share"] is None
+    floor = 2.0 * float(hidden_impacts.ladder[-1][2].error.mean())
+    content = with_floor(hidden_impacts, floor)
+    assert content["error"]["explained_share"] == 1.0
+    assert f"(below the noise floor, estimated as {floor:.3g} m/s)" in content["summary"][0]
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("factor", "passes"), [(1.0, True), (0.25, False)])
-def test_the_smallest_detectable_size_is_found_in_most_repetitions(nothing_hidden, factor, passes):
+def test_the_smallest_detectable_size_is_found_in_most_repetitions(nothing_hidden, told_nothing, factor, passes):
     """Data made by the base law with the effect on, at that size: how often does the score test pass its null?"""
     name = "orientation_dependent_restitution"
-    smallest = {e["name"]: e["significant"] for e in detectable(nothing_hidden)}[name]["a_c"]
+    smallest = {e["name"]: e["significant"] for e in told_nothing["detectable"]}[name]["a_c"]
     base = nothing_hidden.ladder[0][1]
     hidden = base.model.with_effect(EFFECTS[name])
     values = {**base.values, f"{name}.a_c": factor * smallest, f"{name}.a_s": 0.0}
@@ -211,10 +229,10 @@ def test_the_smallest_detectable_size_is_found_in_most_repetitions(nothing_hidde
     assert share >= LEAST_POWER if passes else share <= MOST_BY_CHANCE
 
 
-def test_a_material_size_raises_the_error_by_what_counts(nothing_hidden):
+def test_a_material_size_raises_the_error_by_what_counts(nothing_hidden, told_nothing):
     """Data made with the effect at that size, and fitted without it: the error rises by a quarter of the floor."""
     name, p = "anisotropic_friction", "a_t"
-    entry = {e["name"]: e for e in detectable(nothing_hidden)}[name]
+    entry = {e["name"]: e for e in told_nothing["detectable"]}[name]
     size = entry["material"][p]
     base, training = nothing_hidden.ladder[0][1], nothing_hidden.training
     floor = nothing_hidden.ladder[0][2].floor
@@ -236,8 +254,8 @@ def test_a_material_size_raises_the_error_by_what_counts(nothing_hidden):
 def test_the_next_experiment_tells_named_candidates_apart(hidden_impacts):
     (step,) = hidden_impacts.discovery.steps
     step = replace(step, alternatives=("moving_surface",))
-    doubtful = replace(hidden_impacts, discovery=replace(hidden_impacts.discovery, steps=(step,)))
-    found = next_experiment(doubtful, np.random.default_rng(0))
+    doubtful = {"discovery": replace(hidden_impacts.discovery, steps=(step,))}
+    found = next_experiment(replace(hidden_impacts, **doubtful), np.random.default_rng(0))
     assert "tangential restitution" in found["why"] and EFFECTS["moving_surface"].title in found["why"]
     assert 3 <= len(found["states"]) <= 5
     assert found["sigmas"] == sorted(found["sigmas"], reverse=True) and found["sigmas"][0] > 3.0
@@ -249,7 +267,7 @@ def test_the_next_experiment_tells_named_candidates_apart(hidden_impacts):
     states = np.array([[s["vx"], s["vy"], s["omega"] / 15.0, s["theta"]] for s in found["states"]])
     apart = np.linalg.norm(states[:, None] - states[None], axis=2)
     assert apart[np.triu_indices(len(states), 1)].min() > 0.3
-    content = diagnosis(doubtful, np.random.default_rng(0))
+    content = told_of(hidden_impacts, **doubtful)
     assert content["effects"][0]["indistinguishable_from"] == ["moving_surface"]
     assert "tell the named candidates apart" in content["summary"][-1]
 
@@ -262,14 +280,17 @@ def test_what_the_summary_says(told, effects, changes, says, others):
     assert not any(part in text for part in others.split(" … ")), text
 
 
-def test_structure_that_nothing_explains_is_told_with_what_it_depends_on(hidden_impacts):
-    left = replace(
-        hidden_impacts.remaining, p_value=0.005, error_before=0.2, error_after=0.05, depends_on=("theta", "v_n")
-    )
-    content = diagnosis(replace(hidden_impacts, remaining=left), np.random.default_rng(0))
+def test_what_is_left_depends_on_what_can_be_learned_alone(hidden_impacts):
+    """States are not named for a channel far from noise alone."""
+    content = with_left(hidden_impacts, 0.005, 0.05, "theta", "v_n")
     assert content["verdict"] == "unexplained" and content["remaining"]["structured"]
     assert content["remaining"]["depends_on"] == ["theta", "v_n"]
     assert "(theta) and the normal velocity of the contact point before impact (v_n):" in content["summary"][-1]
+    strict = hidden_impacts.settings.model_copy(update={"excess_scatter": 1e-3})
+    for p_value, after in ((0.185, 0.05), (0.005, 0.2)):
+        content = with_left(hidden_impacts, p_value, after, "theta", settings=strict)
+        assert content["remaining"]["structured"] and content["remaining"]["depends_on"] == []
+        assert "depends on" not in " ".join(content["summary"])
 
 
 def test_half_of_what_evidence_alone_sets_needs_four_times_the_drops(hidden_impacts, monkeypatch):
@@ -289,10 +310,10 @@ def test_half_of_what_evidence_alone_sets_needs_four_times_the_drops(hidden_impa
 
 
 @pytest.mark.slow
-def test_the_smallest_size_passes_all_three_tests_with_the_chance_that_is_told(nothing_hidden):
+def test_the_smallest_size_passes_all_three_tests_with_the_chance_that_is_told(nothing_hidden, told_nothing):
     name, p = "anisotropic_friction", "a_t"
     effect, settings, training = EFFECTS[name], nothing_hidden.settings, nothing_hidden.training
-    size = {e["name"]: e["smallest"] for e in detectable(nothing_hidden)}[name][p]
+    size = {e["name"]: e["smallest"] for e in told_nothing["detectable"]}[name][p]
     base = nothing_hidden.ladder[0][1]
     hidden = base.model.with_effect(effect)
     limit = np.quantile(nothing_hidden.discovery.last_scan.null, 1.0 - settings.alpha)
@@ -334,19 +355,18 @@ def test_the_law_that_fits_with_the_effects_is_named(hidden_impacts):
     label, last, judged = hidden_impacts.ladder[-1]
     other = fit(Model(LAWS["mirtich"], last.model.effects), hidden_impacts.training, last.values, rounds=1)
     ladder = (hidden_impacts.ladder[0], (label, other, judged))
-    content = diagnosis(replace(hidden_impacts, ladder=ladder), np.random.default_rng(0))
+    content = told_of(hidden_impacts, ladder=ladder)
     assert content["base_model"]["name"] == hidden_impacts.discovery.base != "mirtich"
     assert content["augmented_model"]["name"] == "mirtich"
     assert "with it, and Mirtich as the law, the held-out error falls" in content["summary"][0]
     assert "With this put right, Mirtich is enough" in said(content, FAULT)
 
 
-def test_single_impacts_that_spoil_the_mean_are_listed(nothing_hidden):
+def test_single_impacts_that_spoil_the_mean_are_listed(nothing_hidden, told_nothing):
     label, fitted, judged = nothing_hidden.ladder[-1]
     error = judged.error.copy()
     error[[3, 5]] = 100.0 * judged.floor, 80.0 * judged.floor
-    spoilt = replace(nothing_hidden, ladder=((label, fitted, replace(judged, error=error)),))
-    content = diagnosis(spoilt, np.random.default_rng(0))
+    content = told_of(nothing_hidden, ladder=((label, fitted, replace(judged, error=error)),))
     assert content["verdict"] == "adequate"
     worst = content["error"]["worst"]
     o = nothing_hidden.held_out
@@ -355,7 +375,7 @@ def test_single_impacts_that_spoil_the_mean_are_listed(nothing_hidden):
     text = " ".join(content["summary"])
     assert "is adequate for most impacts" in text and f"trial {o.trial[3]} at" in text
     assert f"{content['error']['augmented'] / content['error']['noise_floor']:.2g} times the noise floor" in text
-    assert diagnosis(nothing_hidden, np.random.default_rng(0))["error"]["worst"] == []
+    assert told_nothing["error"]["worst"] == []
 
 
 def test_errors_have_the_intervals_of_the_ladder(hidden_impacts):
@@ -447,33 +467,12 @@ def test_no_model_to_use_where_something_is_left_or_an_effect_is_at_an_end_of_it
         assert why in text and "Use model.json" not in text and "Contacts last" not in text
 
 
-def test_what_is_left_depends_on_nothing_that_cannot_be_learned(hidden_impacts):
-    """States are not named for a channel far from noise alone."""
-    strict = hidden_impacts.settings.model_copy(update={"excess_scatter": 1e-3})
-    for p_value, after in ((0.185, 0.05), (0.005, 0.2)):
-        left = replace(
-            hidden_impacts.remaining, p_value=p_value, error_before=0.2, error_after=after, depends_on=("theta",)
-        )
-        content = diagnosis(replace(hidden_impacts, remaining=left, settings=strict), np.random.default_rng(0))
-        assert content["remaining"]["structured"] and content["remaining"]["depends_on"] == []
-        assert "depends on" not in " ".join(content["summary"])
-
-
-def test_a_model_that_errs_less_than_the_noise_explains_all_and_no_more(hidden_impacts):
-    floor = 2.0 * float(hidden_impacts.ladder[-1][2].error.mean())
-    ladder = tuple((label, one, replace(j, floor=floor)) for label, one, j in hidden_impacts.ladder)
-    content = diagnosis(replace(hidden_impacts, ladder=ladder), np.random.default_rng(0))
-    assert content["error"]["explained_share"] == 1.0
-    assert f"(below the noise floor, estimated as {floor:.3g} m/s)" in content["summary"][0]
-
-
 def test_what_the_held_out_trials_reject_and_where_the_search_ended_is_said(hidden_impacts, told):
     assert told["rejected"] == [] and told["search"] == {"limit": None, "value": None, "tried": True}
     discovery, (_, _, than), (_, _, judged) = hidden_impacts.discovery, *hidden_impacts.ladder
     turned = Rejected(discovery.steps[0], than, judged)  # as if it made the error larger
     cut = replace(discovery, steps=(), rejected=(turned,), limit=4)
-    critique = replace(hidden_impacts, discovery=cut, ladder=hidden_impacts.ladder[:1], without={})
-    content = diagnosis(critique, np.random.default_rng(0))
+    content = told_of(hidden_impacts, discovery=cut, ladder=hidden_impacts.ladder[:1], without={})
     (one,) = content["rejected"]
     low, high = one["rises"]["impact"]["ends"]
     assert one["name"] == "tangential_restitution" and low < high and content["search"]["value"] == 4

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 import pytest
-from plain_drops import LAW, TRUTH
+from hidden_effects import LAW, TRUTH, sizes
 
 from tests.critique.simulation.saved_models import model_of
 from thesis_lib.bodies.walls import Wall
@@ -154,15 +154,6 @@ def test_a_body_that_leaves_keeps_its_velocity_and_is_told(states, effect, tau):
         assert (found.loc[~leaves, "vy_post"] > states.loc[~leaves, "vy"]).all()
 
 
-def test_an_effect_that_needs_the_trial_asks_for_it(states):
-    worn = model_with(**{"wear.w": -0.01})
-    with pytest.raises(UserError, match="depends on trial"):
-        worn.predict(states)
-    states["trial"] = 10
-    later = worn.predict(states)
-    assert later["vy_post"].mean() < worn.predict(states.assign(trial=0))["vy_post"].mean()
-
-
 @pytest.mark.parametrize(
     ("change", "says"),
     [
@@ -174,9 +165,6 @@ def test_an_effect_that_needs_the_trial_asks_for_it(states):
 def test_bad_states_are_refused(states, change, says):
     with pytest.raises(UserError, match=says):
         model_with().predict(change(states))
-
-
-def test_no_rows_give_no_rows(states):
     assert len(model_with().predict(states.iloc[:0])) == 0
 
 
@@ -210,18 +198,18 @@ def test_a_wrong_file_is_refused_with_the_reason(tmp_path, change, says):
 def test_every_effect_can_be_saved_and_predicts(states, tmp_path):
     states["trial"], states["t"] = 1, 0.1
     for name, effect in effects_in(PLANE).items():
-        values = {
-            f"{name}.{p.name}": p.discrete if p.discrete is not None else min(p.null + p.scale, p.high)
-            for p in effect.parameters
-        }
         path = tmp_path / f"{name}.json"
-        model_with(**values).save(path)
+        model_with(**sizes(effect, 0.5)).save(path)
         found = load_model(path).predict(states)
         assert np.isfinite(found[["vx_post", "vy_post", "omega_post"]].to_numpy()).all(), name
 
 
-def test_a_model_knows_where_its_effects_count_from(states, tmp_path):
+def test_an_effect_that_needs_the_trial_asks_for_it_and_knows_where_it_counts_from(states, tmp_path):
     worn = model_with(**{"wear.w": -0.01})
+    with pytest.raises(UserError, match="depends on trial"):
+        worn.predict(states)
+    late, early = (worn.predict(states.assign(trial=trial))["vy_post"].mean() for trial in (10, 0))
+    assert late < early
     there = SavedReference(x=3.0, trial=20260106.0)
     far = worn.model_copy(update={"rig": worn.rig.model_copy(update={"reference": there})})
     far.save(tmp_path / "far.json")
