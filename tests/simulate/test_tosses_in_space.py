@@ -114,6 +114,9 @@ def test_only_later_hits_have_a_later_restitution_in_each_toss_and_after_a_short
 def test_what_cannot_be_tossed_is_said(tmp_path, capsys):
     with pytest.raises(UserError, match="--hidden tilt: with --space it is nothing, com_offset"):
         simulate_tosses("box", hidden="tilt")
+    for wrong in ({"drops": 0}, {"seed": -1}):
+        with pytest.raises(UserError, match=f"got {next(iter(wrong.values()))}"):
+            simulate_tosses("box", **wrong)
     tossed = ["example", "-o", str(tmp_path / "a"), "--space", "--drops", "2", "--engine", "drake", "--hidden"]
     assert main([*tossed, "torsional_friction"]) == 2 and main([*tossed, "sliding_friction"]) == 2
     assert "--hidden sliding_friction: with --space it is" in capsys.readouterr().err

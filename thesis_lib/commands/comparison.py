@@ -19,7 +19,6 @@ from thesis_lib.statistics.intervals import Z95
 
 FAR = 3.0  # standard errors beyond which a difference is pointed out
 ALONE = " alone"  # marks rows of one law without effects, in both runs
-OLD_RUN = "one of the runs was written by an older version; run python -m thesis_lib critique on its dataset again."
 COLUMNS = ("quantity", "a", "a_low", "a_high", "b", "b_low", "b_high", "difference", "sigmas", "unit")
 
 
@@ -93,21 +92,21 @@ def comparison_text(table: pd.DataFrame, a: str, b: str) -> str:
     said = table.set_index("quantity")
     law, then, effects = (tuple(said.loc[name, ["a", "b"]]) for name in ("base law", "law with the effects", "effects"))
     lines.append("")
+    alone = table["quantity"].str.contains(ALONE, regex=False).any()
     which, pair = ("The base laws", law) if law[0] != law[1] else ("With the effects the laws", then)
     if pair[0] != pair[1]:
         rows = " and ".join(f"“{name}{ALONE}”" for name in dict.fromkeys(law))
+        like = f"; like is compared with like in the rows {rows}" if alone else ""
         lines.append(
-            f"{which} differ: {a} has {pair[0]}, {b} has {pair[1]}. μ and ε of different laws mean different things; "
-            f"like is compared with like in the rows {rows}."
+            f"{which} differ: {a} has {pair[0]}, {b} has {pair[1]}. μ and ε of different laws mean different "
+            f"things{like}."
         )
     if effects[0] != effects[1]:
+        same = f"; the rows “…{ALONE}” hold the same law without effects in both" if alone else ""
         lines.append(
             f"The effects differ: {a} has {effects[0]}, {b} has {effects[1]}. A parameter can move because an effect "
-            f"came or went; the rows “…{ALONE}” hold the same law without effects in both."
+            f"came or went{same}."
         )
-    alone = table["quantity"].str.contains(ALONE, regex=False)
-    if any(pair[0] != pair[1] for pair in (law, then, effects)) and not alone.any():
-        lines.append(f"Those rows are missing: {OLD_RUN}")
     sigmas = pd.to_numeric(table["sigmas"]).abs()
     far = table.loc[sigmas > FAR, "quantity"].tolist()
     if far:

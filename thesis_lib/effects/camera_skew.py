@@ -2,8 +2,6 @@
 
     x_measured = x + s (y − H),   v_x,measured = v_x + s v_y;   y, θ and ω are correct
 
-| on paper | in code      | unit | shape |                                                             |
-|----------|--------------|------|-------|-------------------------------------------------------------|
 In space the normal of the surface leans over along t_1 and t_2 of the surface, for the tracked point: attitude and spin
 are correct.
 

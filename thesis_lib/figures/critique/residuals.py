@@ -1,8 +1,8 @@
 """Residuals against the state, before and after adding effects: of impacts in the contact frame, and of flights.
 
-Columns of panels are the features on which the components depend most (`critique_numbers.dependence`).  All impacts
-and flights are shown, training and held out.  Residuals of flights are accelerations in units of noise
-(`critique.flights`).
+Columns of panels are the features on which the components depend most (`critique.results.numbers.dependence`).  All
+impacts and flights are shown, training and held out.  Residuals of flights are accelerations in units of noise
+(`critique.drops.questions.flight_residuals`).
 """
 
 from collections.abc import Mapping

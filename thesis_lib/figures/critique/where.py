@@ -1,8 +1,8 @@
 """Where a model fails: maps of the error before and after adding effects.
 
 Maps show all impacts, training and held out, over the two features of the worst region of where.json (by default the
-contact point's velocity before impact) and over the energy disc (`critique_numbers`), in space over the directions in
-which the body is hit.  Means in titles are of held-out impacts.
+contact point's velocity before impact) and over the energy disc (`critique.results.numbers`), in space over the
+directions in which the body is hit.  Means in titles are of held-out impacts.
 """
 
 import textwrap

@@ -36,8 +36,12 @@ def simulate_tosses(
     """Tosses of a body at 240 Hz; `hidden` is a cause with a `size`, or the sizes by effect and parameter.
 
     Raises:
-        UserError: a shape or a hidden cause is unknown, or the engine cannot make it.
+        UserError: a shape or a hidden cause is unknown, the engine cannot make it, or there are no drops.
     """
+    if drops < 1:
+        raise UserError(f"An example needs at least one drop; got {drops}.")
+    if seed < 0:
+        raise UserError(f"The seed must be 0 or more; got {seed}.")
     if shape not in SHAPES:
         raise UserError(f"--shape {shape}: with --space it is {listed(list(SHAPES), 'or')}.")
     header = SpaceHeader.model_validate(

@@ -98,11 +98,11 @@ def window_rank(window: ContactWindow) -> int:
 
 
 def arm_forces(
-    arm: ArmDisk, record: SimulatedMotion, mu: float, rng: np.random.Generator, settings: ArmStudy
+    arm: ArmDisk, record: SimulatedMotion, mu: float, epsilon: float, rng: np.random.Generator, settings: ArmStudy
 ) -> ArmForces:
     """All methods on one trajectory; the inertia of `arm` is used only for the bound."""
     noisy = add_noise(record, settings.snr_db, rng)
-    data = measured(noisy.q, noisy.v, record.f_ext, record.h, mu)
+    data = measured(noisy.q, noisy.v, record.f_ext, record.h, mu, epsilon)
     windows = {
         "exact": arm_window(arm, record, mu),
         "plain": arm_window(arm, data, mu, data.sigma, settings.tolerances),
@@ -157,7 +157,7 @@ def arm_force_study(rng: np.random.Generator, settings: ArmStudy, bodies: Chapte
     streams = rng.spawn(settings.trajectories)  # a trajectory's noise and starts do not depend on those before it
     done: tuple[ArmForces, ...] = ()
     for i, (record, stream) in enumerate(zip(made.records, streams)):
-        done += (arm_forces(arm, record, bodies.arm.mu, stream, settings),)
+        done += (arm_forces(arm, record, bodies.arm.mu, bodies.arm.epsilon, stream, settings),)
         print(f"trajectory {i}: χ²/n {done[-1].fit.chi2:.3f}")
     forces, parameters = tables_of(done, base_of(arm))
     return ArmForceTables(forces, parameters, done, made.left_out)
