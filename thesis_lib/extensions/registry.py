@@ -87,10 +87,12 @@ def origin_of(kind: Kind, name: str) -> Origin | None:
 
 
 def add(loaded: Loaded) -> None:
-    """Let effects and laws whose names are free (`require_free`) join those of the library.
+    """Let effects and laws join those of the library; what came from an earlier state of the same file is replaced.
 
-    What came from an earlier state of the same file is replaced.
+    Raises:
+        UserError: a name or title that cannot be used, or is taken; then none of them joins.
     """
+    require_free(loaded)
     for (kind, name), origin in list(_ADDED.items()):
         if _same_place(origin, loaded.origin):
             del _ADDED[kind, name]

@@ -27,8 +27,8 @@ from hidden_effects import sizes
 from tests.critique.simulation import saved_models
 from thesis_lib.bodies.body import Body
 from thesis_lib.bodies.shapes import Disk
-from thesis_lib.commands.model import FORMATS
 from thesis_lib.critique.export.export import exported, patched
+from thesis_lib.critique.export.solid import FORMATS
 from thesis_lib.effects import effects_in
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.mechanics.space import PLANE

@@ -11,7 +11,7 @@ from thesis_lib.critique.export import drake_files, mjcf, patch_drake, patch_mjc
 from thesis_lib.critique.export.of_plane import planar_body
 from thesis_lib.critique.export.of_space import body_in_space
 from thesis_lib.critique.export.patch import BodyAxes, Patch
-from thesis_lib.critique.export.solid import ExportedBody, not_shown
+from thesis_lib.critique.export.solid import FORMATS, ExportedBody, only_bounds
 from thesis_lib.critique.results.saved_in_space import SavedSpaceModel
 from thesis_lib.critique.results.saved_model import SavedModel
 from thesis_lib.foundation.errors import UserError
@@ -30,17 +30,22 @@ class Exported:
 
 
 def exported(model: SavedModel, target: str, *, mass: float | None = None, depth: float | None = None) -> Exported:
-    """A new file; UserError for a depth or mass that cannot be, a prism too thin."""
+    """A new file; UserError for an unknown format, a depth or mass that cannot be, a prism too thin."""
     made = body_of(model, target, mass, depth)
     held = tuple(f"{name}: {where}" for name, where in made.expressed)
     left = [f"{name}: {why}" for name, why in made.left_out]
     if not made.mass_known:
         left.append("mass: a model knows none; 1 kg was written (--mass KG)")
-    return Exported(WRITERS[target](made).encode(), held, (*left, *not_shown(made)))
+    if not made.time_known:
+        left.append("contact time: impacts without trajectories show none; 1 ms was written")
+    left += only_bounds(model)
+    return Exported(WRITERS[target](made).encode(), held, tuple(left))
 
 
 def body_of(model: SavedModel, target: str, mass: float | None = None, depth: float | None = None) -> ExportedBody:
     """The body of a model for a format; errors as of `exported`."""
+    if target not in FORMATS:
+        raise UserError(f"There is no format {target!r}; known are {', '.join(FORMATS)}.")
     if isinstance(model, SavedSpaceModel):
         return body_in_space(model, target, mass, depth)
     require_falling(model.rig.gravity, model.rig.has_angle, model.rig.walls, "export")
@@ -86,7 +91,10 @@ def patched(
         patch_mjcf.patch(own, body, made, points)
     else:
         patch_drake.patch(own, body, made, target, points, surface)
-    return Exported(own.content(), tuple(own.changed), (*own.left, *not_shown(made)))
+    if not made.time_known:
+        own.left.append("contact time: impacts without trajectories show none; 1 ms was written")
+    own.left.extend(only_bounds(model))
+    return Exported(own.content(), tuple(own.changed), tuple(own.left))
 
 
 def write(made: Exported, path: str | Path) -> None:

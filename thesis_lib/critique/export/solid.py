@@ -29,6 +29,7 @@ from thesis_lib.foundation.terminal import visible
 from thesis_lib.mechanics.frame import Frame
 from thesis_lib.statistics.wording import bounded
 
+FORMATS = ("mjcf", "sdf", "urdf")
 NO_MASS = 1.0  # kg, of a model whose mass nobody gave
 NO_TIME = 1e-3  # s, of a contact whose time no trajectory shows
 LIMITS = {"mu": (0.0, np.inf), "epsilon": (0.01, 1.0)}  # of what an engine can hold: no damper goes lower
@@ -188,12 +189,13 @@ def comment(lines: Iterable[str], indent: str = "") -> str:
     return "\n".join([f"{indent}<!--", *(f"{indent}  {line}".rstrip() for line in wrapped), f"{indent}-->"])
 
 
-def not_shown(solid: ExportedBody) -> list[str]:
-    """A contact time that the drops do not show, and parameters of which they give only a bound, with what is used."""
-    time = [] if solid.time_known else ["contact time: impacts without trajectories show none; 1 ms was written"]
-    m = solid.model
-    bounds = {name: p for name, p in m.parameters.items() if p.bound is not None}
-    return time + [f"{name}: {bounded(p.model_dump())}; {m.values[name]:g} is used" for name, p in bounds.items()]
+def only_bounds(model: SavedModel) -> list[str]:
+    """Parameters of which the drops give only a bound, with the values written in their place."""
+    return [
+        f"{name}: {bounded(p.model_dump())}; {model.values[name]:g} is used"
+        for name, p in model.parameters.items()
+        if p.bound is not None
+    ]
 
 
 def _sized(p: SavedParameter) -> str:

@@ -29,6 +29,7 @@ from thesis_lib.mechanics.state import State
 from thesis_lib.simulate.rig.hidden_causes import PROOF_RELEASE, RIG_NOISE
 from thesis_lib.simulate.rig.release import Release
 
+ENGINES = ("own", "drake")
 RATE = 250.0  # Hz
 DURATION = 0.6  # s, for releases of the proof under 9.81 m/s²
 AFTER_FALL = 0.3  # s, recorded after the longest fall if no trajectories give a duration
@@ -54,8 +55,12 @@ def simulate_model(
         say: receives a line for each step.
 
     Raises:
-        UserError: the engine is not installed, or `like` shows no release.
+        UserError: n is not positive, the engine is unknown or not installed, or `like` shows no release.
     """
+    if n is not None and n < 1:
+        raise UserError(f"The number of drops must be 1 or more, got {n}.")
+    if engine not in ENGINES:
+        raise UserError(f"There is no engine {engine!r}; known are {', '.join(ENGINES)}.")
     require_falling(model.rig.gravity, model.rig.has_angle, model.rig.walls, "simulate")
     rate, noise = RATE, RIG_NOISE
     if like is None:
