@@ -13,6 +13,7 @@ v is the speed of the contact point at the touch, k the radius of gyration; rele
 """
 
 from dataclasses import dataclass
+from typing import Literal
 
 from thesis_lib.simulate.compliant import compiled as c
 from thesis_lib.simulate.compliant.drops import OwnContact
@@ -22,27 +23,28 @@ from thesis_lib.simulate.compliant.drops import OwnContact
 class HiddenLaw:
     """What a law acts on, its φ, and a size that raises the error of the best law to several noise floors."""
 
-    acts_on: int
+    acts_on: Literal["epsilon", "mu", "couple", "direction"]
     phi: int
     size: float
 
 
+_ACTS_ON = {"epsilon": c.ON_EPSILON, "mu": c.ON_MU, "couple": c.COUPLE, "direction": c.DIRECTION}
 HIDDEN_LAWS = {
-    "restitution_by_obliquity": HiddenLaw(c.ON_EPSILON, c.SLIP, -0.3),
-    "restitution_by_spin": HiddenLaw(c.ON_EPSILON, c.SPIN, -0.4),
-    "restitution_by_fourth_harmonic": HiddenLaw(c.ON_EPSILON, c.QUARTERS, 0.1),
-    "friction_by_place_on_body": HiddenLaw(c.ON_MU, c.ENDS, 0.4),
-    "friction_by_release": HiddenLaw(c.ON_MU, c.RELEASE, 0.8),
-    "friction_by_spin": HiddenLaw(c.ON_MU, c.SPIN, 2.0),
-    "couple_by_spin": HiddenLaw(c.COUPLE, c.TURNING, -0.15),
-    "direction_by_lever": HiddenLaw(c.DIRECTION, c.LEVER, 0.08),
+    "restitution_by_obliquity": HiddenLaw("epsilon", c.SLIP, -0.3),
+    "restitution_by_spin": HiddenLaw("epsilon", c.SPIN, -0.4),
+    "restitution_by_fourth_harmonic": HiddenLaw("epsilon", c.QUARTERS, 0.1),
+    "friction_by_place_on_body": HiddenLaw("mu", c.ENDS, 0.4),
+    "friction_by_release": HiddenLaw("mu", c.RELEASE, 0.8),
+    "friction_by_spin": HiddenLaw("mu", c.SPIN, 2.0),
+    "couple_by_spin": HiddenLaw("couple", c.TURNING, -0.15),
+    "direction_by_lever": HiddenLaw("direction", c.LEVER, 0.08),
     # of forms that no product of powers has
-    "restitution_by_threshold": HiddenLaw(c.ON_EPSILON, c.THRESHOLD, -0.3),
-    "friction_by_root_of_spin": HiddenLaw(c.ON_MU, c.ROOT_OF_SPIN, 1.2),
+    "restitution_by_threshold": HiddenLaw("epsilon", c.THRESHOLD, -0.3),
+    "friction_by_root_of_spin": HiddenLaw("mu", c.ROOT_OF_SPIN, 1.2),
 }
 
 
 def hiding(name: str, size: float | None = None) -> OwnContact:
     """The engine that hides a law of `HIDDEN_LAWS`; `size`: None for its own."""
     law = HIDDEN_LAWS[name]
-    return OwnContact((law.acts_on, law.phi, law.size if size is None else size))
+    return OwnContact((_ACTS_ON[law.acts_on], law.phi, law.size if size is None else size))
