@@ -286,9 +286,9 @@ class OfMechanism(Critique):
 
     @cached_property
     def _findings(self) -> Findings:
-        from thesis_lib.critique.mechanisms.diagnosis import mechanism_diagnosis, misfit_table
+        from thesis_lib.report.critique.mechanisms import mechanism_findings
 
-        return Findings(mechanism_diagnosis(self.found, self.name, self._rng), {"misfit": misfit_table(self.found)})
+        return mechanism_findings(self.found, self.name, self._rng)
 
     def _contents(self, found: Findings) -> "Contents":
         from thesis_lib.report.critique.mechanisms import mechanism_contents

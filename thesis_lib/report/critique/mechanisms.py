@@ -2,10 +2,11 @@
 
 from collections.abc import Mapping
 
+import numpy as np
 from markupsafe import Markup
 
 from thesis_lib.critique.mechanisms.critique import MechanismCritique
-from thesis_lib.critique.mechanisms.diagnosis import residual_tables
+from thesis_lib.critique.mechanisms.diagnosis import mechanism_diagnosis, misfit_table, residual_tables
 from thesis_lib.critique.mechanisms.effects import CANDIDATES
 from thesis_lib.critique.results.findings import Findings
 from thesis_lib.critique.results.titles import symbol
@@ -19,6 +20,11 @@ RESIDUALS = (
     "Left: residual generalised forces of held-out windows in units of their noise, with the believed model and with "
     "what was found. Right: what each candidate alone would gain."
 )
+
+
+def mechanism_findings(critique: MechanismCritique, name: str, rng: np.random.Generator) -> Findings:
+    """Findings on a mechanism, under the `name` of its recording; `rng` permutes windows."""
+    return Findings(mechanism_diagnosis(critique, name, rng), {"misfit": misfit_table(critique)})
 
 
 def mechanism_contents(critique: MechanismCritique, findings: Findings) -> Contents:
