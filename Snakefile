@@ -1,7 +1,7 @@
 # Contact models in robotic manipulation: the whole reproduction.  snakemake --cores 2 [TARGET]
 from snakemake.utils import min_version
 
-min_version("9.0")
+min_version("9.27")
 
 
 configfile: "config/config.yaml"

@@ -56,7 +56,9 @@ def test_measured_data_in_our_format_are_used_as_they_are(checkout, snakemake):
 
 @pytest.mark.slow
 def test_an_overlay_reaches_the_jobs_and_studied_datasets_are_a_choice(checkout, snakemake):
-    (checkout / "overlay.yaml").write_text("drops: {n: 77}\nchapter3: {datasets: [drops]}\nmeasured: []\n")
+    (checkout / "overlay.yaml").write_text(
+        "drops: {n: 77}\nchapter3: {datasets: [drops]}\ncritique: {datasets: []}\nmeasured: []\n"
+    )
     done = snakemake(checkout, "-n", "results/chapter3/drops/table_3_1.csv", "--configfile", "overlay.yaml")
     assert done.returncode == 0, done.stdout
     assert jobs(done.stdout) == {"simulate_drops": 1, "find_impacts": 1, "ch3_identify": 1, "ch3_evaluate": 1}

@@ -64,7 +64,8 @@ def complete(made_by):
 
     The memory and time that a job asks of a cluster follow from what it was measured to use; more after a failure.
     """
-    wildcards = "_".join(f"{{{name}}}" for name in dict.fromkeys(re.findall(r"{(\w+)", made_by.output[0])))
+    first = made_by.output[0] if made_by.output else ""  # none where no set is criticised
+    wildcards = "_".join(f"{{{name}}}" for name in dict.fromkeys(re.findall(r"{(\w+)", first)))
     name = f"{made_by.name}/{wildcards}" if wildcards else made_by.name
     made_by.log_modifier = made_by.benchmark_modifier = made_by.output_modifier
     made_by.set_log(f"results/logs/{name}.log")
