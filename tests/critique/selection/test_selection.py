@@ -401,8 +401,12 @@ def test_two_effects_are_both_found_and_each_is_worth_its_gain_on_unseen_trials(
     discovery = found(training)
     names = {step.effect.name for step in discovery.steps}
     assert len(names) == 2 and "square" in names and names & {"wave", "twin_of_wave"}
+    first, second = discovery.steps
+    # what was an alternative when the first was found, and is needed beside it in the end, is none any more
+    discovery = replace(discovery, steps=(replace(first, alternatives=(second.effect.name, "bundle")), second))
     kept, ladder, without = judge_held_out(training, unseen, discovery, SearchSettings())
-    assert kept is discovery
+    assert kept.fitted is discovery.fitted
+    assert [step.alternatives for step in kept.steps] == [("bundle",), second.alternatives]
     totals = [judgement.total for _, _, judgement in ladder]
     assert len(totals) == 3 and totals == sorted(totals)
     assert set(without) == names and all(judged.total < totals[-1] for judged in without.values())
@@ -591,7 +595,7 @@ def test_held_out_trials_reject_what_lowers_none_of_their_errors():
     by_hand, _, _ = judge_held_out(training, unseen, discovery, SearchSettings(), by_hand=True)
     assert by_hand.steps == discovery.steps
     all_of, _, _ = judge_held_out(training, with_both, discovery, SearchSettings())
-    assert all_of is discovery
+    assert all_of.fitted is discovery.fitted
 
 
 def test_a_search_knows_at_which_limit_it_ended():

@@ -163,6 +163,17 @@ class Discovery(Generic[E, F, J]):
         bases = {name: change(fitted) for name, fitted in self.bases.items()}
         return replace(self, bases=bases, steps=tuple(replace(s, fitted=change(s.fitted)) for s in self.steps))
 
+    def with_open_alternatives(self) -> "Discovery[E, F, J]":
+        """The same without alternatives that the final model holds, too: it needs both, so that they are told apart."""
+        held = {step.effect.name for step in self.steps}
+        return replace(
+            self,
+            steps=tuple(
+                replace(step, alternatives=tuple(name for name in step.alternatives if name not in held))
+                for step in self.steps
+            ),
+        )
+
     def verdict(self, is_structured: bool) -> str:
         """adequate, effects or unexplained; `is_structured`: something that matters remains."""
         if is_structured:
@@ -216,7 +227,7 @@ def judge_held_out(
             )
             return replace(discovery, steps=failed), ladder, without
         if not spoiled:
-            return discovery, ladder, without
+            return discovery.with_open_alternatives(), ladder, without
         at = max(alone) if alone else min(spoiled)
         rejected = Rejected(steps[at], *spoiled[at])
         kept, scan = _fitted_without(training, steps, at), steps[at].scan
