@@ -196,7 +196,7 @@ def check_motion(table: UsableRows, header: SpaceHeader) -> None:
     if found := unlike_column(noise, position, header.body.solid.extent):
         return table.error(f"column {POSITION[found[0]]}", found[1], ONE_UNIT)
     g, facts = np.array(header.gravity), motion_facts(table.data, header)
-    down = facts.fall if facts.fall is None else facts.fall / np.linalg.norm(facts.fall)
+    down = np.full(3, np.nan) if facts.fall is None else facts.fall / np.linalg.norm(facts.fall)
     if g.any() and not facts.flights:
         _nothing_falls(table, header)
     elif g.any() and (off := np.arccos(np.clip(down @ g / np.linalg.norm(g), -1.0, 1.0))) > OBLIQUE:

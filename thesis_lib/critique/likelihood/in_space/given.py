@@ -60,11 +60,13 @@ def given_in_space(dataset: Dataset) -> Observations:
     reason = _reasons(before, r + offset.T, motion, rig)
     cov = _covariance(header.noise, lever, tracked[0].spin, frame.attitude, motion, turned)
     n, impact = len(table), table["impact"].to_numpy()
+    stated = as_stated(before.q, motion, before.t, SPACE)
+    stated["offset"] = offset
     o = Observations(
         rig=rig,
         trial=before.trial,
         impact=impact,
-        **as_stated(before.q, motion, before.t, SPACE) | {"offset": offset},
+        **stated,
         cov=np.zeros((n, 2, 12, 12)) if cov is None else cov,
         arcs=False,
         flights=no_flights(SPACE),
