@@ -50,7 +50,11 @@ class PpoSettings(Section):
     trace: float = Field(0.95, ge=0, le=1, description="λ of the generalised advantage estimate")
     clip: float = Field(0.2, gt=0, description="of the ratio of probabilities")
     spread: float = Field(-0.7, description="first log deviation of actions; own choice: 16 % of first steps retract")
-    segment: int = Field(5000, ge=2, description="samples after which training is saved; own choice: 2 CPU minutes")
+    segment: int = Field(
+        5000,
+        ge=2,
+        description="samples of a part of the training, each with random numbers of its own; own choice: 2 CPU minutes",
+    )
 
 
 class RuleSettings(Section):
