@@ -3,14 +3,14 @@
     python -m benchmarks.critique [--drops 300] [--hidden com_offset_x] [--sizes 75 150 300 600] [--quick] [-o FILE.csv]
     python -m benchmarks.critique --against CHECKOUT [--pairs 3] [--drops 300]
 
-- `--hidden`: the example of the command line with a hidden cause, by `python -m thesis_lib critique`;
+- `--hidden`: the example of the command line with a hidden cause, by `thesis-lib critique`;
 - an ellipse with single hits only, and a square with all episodes, nothing hidden and contacts of 1 ms: what is asked
   for 300 drops is at most `ASKED` CPU seconds;
 - a box tossed in space, nothing hidden: CPU time of a hit over that of the ellipse's, asked at most `IN_SPACE`;
 - how the cost of each grows over `--sizes` drops: cost = a nᵖ by least squares to the logarithms, asked p < `EXPONENT`.
 - `--against`: only the ratio to the CPU time of an earlier checkout of this repository, pair by pair in turn, for the
   ellipse, for the square, and for a box in space, all with a displaced centre of mass, by
-  `python -m thesis_lib critique`; `--hits` chooses among them.
+  `thesis-lib critique`; `--hits` chooses among them.
 
 Counts user and system time of a process as a whole, start-up and pictures included.
 """

@@ -84,7 +84,7 @@ def _measured(name: str, converted: bool = True) -> Path:
             return base / name
         if (folder := find_source(name, base)) is not None:
             return folder
-    fetch = f"python -m thesis_lib datasets fetch {name.replace('_', '-')}"
+    fetch = f"thesis-lib datasets fetch {name.replace('_', '-')}"
     pytest.skip(f"measured data {name} not present ({fetch} gets them)")
 
 

@@ -58,13 +58,13 @@ def test_the_version_is_that_of_the_package(capsys):
 @pytest.mark.parametrize("words", WORDS, ids=" ".join)
 def test_help_of_a_command_has_its_usage_and_an_example(words, capsys):
     text = help_of(words, capsys)
-    assert f"usage: python -m thesis_lib {' '.join(words)}" in text
-    assert re.search(rf"example.*python -m thesis_lib {' '.join(words)}", text, re.S | re.I)
+    assert f"usage: thesis-lib {' '.join(words)}" in text
+    assert re.search(rf"example.*thesis-lib {' '.join(words)}", text, re.S | re.I)
 
 
 def examples(text: str) -> list[list[str]]:
     """Commands in a help text, without what they are piped into and what is said beside them."""
-    lines = re.findall(r"^ {2,8}python -m thesis_lib (.*)$", re.sub(r"\\\n +", "", text), re.M)
+    lines = re.findall(r"^ {2,8}thesis-lib (.*)$", re.sub(r"\\\n +", "", text), re.M)
     return [shlex.split(re.split(r" \| | {3,}", line)[0]) for line in lines]
 
 
@@ -93,7 +93,7 @@ def test_help_waits_for_no_heavy_package():
         f"print([name for name in {HEAVY} if name in sys.modules], file=sys.stderr)\n"
     )
     done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True)
-    assert done.stderr == "[]\n" and "usage: python -m thesis_lib claims" in done.stdout
+    assert done.stderr == "[]\n" and "usage: thesis-lib claims" in done.stdout
 
 
 # --- mistakes ---
@@ -114,7 +114,7 @@ def test_wrong_use_says_what_is_wrong_how_it_goes_and_where_that_is_explained(wo
     out, err = capsys.readouterr()
     assert stopped.value.code == 2 and out == ""
     assert err.startswith("error: ") and says in err
-    assert f"usage: python -m thesis_lib {words[0]}" in err and "--help explains it" in err
+    assert f"usage: thesis-lib {words[0]}" in err and "--help explains it" in err
 
 
 def test_a_missing_file_is_named_without_a_traceback(tmp_path, capsys):

@@ -157,7 +157,7 @@ class TestReading:
             read_config(tmp_path / "none.yaml")
         with pytest.raises(UserError, match=r"broken\.yaml is not valid YAML"):
             read_config(broken)
-        with pytest.raises(UserError, match=r"listlike\.yaml must hold keys and values, found a list"):
+        with pytest.raises(UserError, match=r"listlike\.yaml must contain keys and values, found a list"):
             read_config(listlike)
 
     @pytest.mark.parametrize(

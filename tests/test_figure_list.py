@@ -1,4 +1,4 @@
-"""`python -m thesis_lib figures`: every figure is listed and found by any of its names."""
+"""`thesis-lib figures`: every figure is listed and found by any of its names."""
 
 import pytest
 

@@ -133,7 +133,7 @@ def test_the_installed_library_has_no_command_of_the_thesis_and_says_where_there
     program = (sys.executable, "-m", "thesis_lib")
     printed = run(*program, "--help", folder=tmp_path, path=installed)
     assert "rollout" in printed and "claims" not in printed and "the thesis" not in printed
-    with pytest.raises(AssertionError, match="run python -m thesis_lib claims in a clone of the repository"):
+    with pytest.raises(AssertionError, match="run thesis-lib claims in a clone of the repository"):
         run(*program, "claims", "check", folder=tmp_path, path=installed)
     listed = run(*program, "effects", folder=tmp_path, path=installed)
     assert "com_offset" in listed
@@ -160,7 +160,7 @@ def test_an_effect_in_a_file_of_the_users_is_found_with_the_installed_package_al
     found = own["effects"][0]["parameters"]["h"]
     assert abs(found["value"] + 0.2) < 4.0 * found["std"] < 0.1
     assert own["error"]["augmented"] < alone["error"]["augmented"] < alone["error"]["base"] * (1.0 + 1e-9)
-    assert "is not of the library but from my_effects.py." in " ".join(own["summary"])
+    assert "is not part of the library but from my_effects.py." in " ".join(own["summary"])
     assert "from my_effects.py" in (tmp_path / "own" / "report.html").read_text(encoding="utf-8")
 
     states = "x,y,theta,vx,vy,omega\n0.00,0.031,0.30,0.8,-2.1,5.0\n"
@@ -177,7 +177,7 @@ def test_an_effect_in_a_file_of_the_users_is_found_with_the_installed_package_al
     (info / "entry_points.txt").write_text("[thesis_lib.effects]\nslip = drop_effects\n")
     shutil.copy(tmp_path / "my_effects.py", installed / "drop_effects.py")
     listed = " ".join(run(*program, "effects", folder=tmp_path, path=installed).split())
-    assert "not of the library, but from" in listed and "drop-effects" in listed
+    assert "not part of the library; from" in listed and "drop-effects" in listed
     switched_on = (*critique, "-o", "packaged", "--effect", name)  # which looks for no other
     packaged = json.loads(run(*switched_on, folder=tmp_path, path=installed))
     assert packaged["additions"][0]["package"] == "drop-effects"

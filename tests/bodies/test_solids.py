@@ -247,7 +247,7 @@ def test_triangles_that_enclose_nothing_are_refused():
         ({"kind": "box", "half_extents": [0.1, 0.1, float("nan")]}, "greater than 0|finite"),
         ({"kind": "box", "half_extents": [0.1, 0.1, 0.02], "edge_radius": 0.021}, "larger than the solid allows"),
         ({"kind": "box", "half_extents": [0.1, 0.1, 0.02], "edge_radius": -0.001}, "greater than or equal to 0"),
-        ({"kind": "cylinder", "radius": 0.1, "half_length": 0.02, "edge_radius": 0.05}, "which is 0.02 m"),
+        ({"kind": "cylinder", "radius": 0.1, "half_length": 0.02, "edge_radius": 0.05}, "at most 0.02 m"),
         ({"kind": "capsule", "radius": 0.1, "length": 0.02}, "half_length"),
         ({"kind": "cube", "side": 0.1}, "'box', 'sphere', 'ellipsoid', 'cylinder', 'capsule', 'mesh'"),
     ],

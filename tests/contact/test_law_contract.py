@@ -29,9 +29,9 @@ def writes(s, mu, e, c_t, c_n):
 @pytest.mark.parametrize(
     ("wrong", "check", "says"),
     [
-        (replace(RIGHT, reference=""), "where it is from", "title and reference"),
-        (replace(RIGHT, promises=frozenset()), "where it is from", "neither promises nor breaks holds Promise.CENTRAL"),
-        (replace(RIGHT, breaks={Promise.STICKS: 0.1}), "where it is from", "both hold Promise.STICKS"),
+        (replace(RIGHT, reference=""), "states its source", "title and reference"),
+        (replace(RIGHT, promises=frozenset()), "states its source", "breaks contains Promise.CENTRAL"),
+        (replace(RIGHT, breaks={Promise.STICKS: 0.1}), "states its source", "both contain Promise.STICKS"),
         (changed(lambda s, mu, e, t, n: (t, np.where(s.v_t > 2.0, np.nan, n))), "solves every", "not finite in"),
         (changed(lambda s, mu, e, t, n: (t, n * (1.0 + 1e-6))), "keeps its promises", "move it to breaks"),
         (
@@ -67,8 +67,8 @@ def in_space(change: Callable) -> Law:
 @pytest.mark.parametrize(
     ("wrong", "check", "says"),
     [
-        (replace(CONE, breaks_in_space={}), "where it is from", "how often it breaks Promise.NO_ENERGY_GAIN in space"),
-        (replace(CONE, dimensions=frozenset({4})), "where it is from", "dimensions must be"),
+        (replace(CONE, breaks_in_space={}), "states its source", "how often it breaks Promise.NO_ENERGY_GAIN in space"),
+        (replace(CONE, dimensions=frozenset({4})), "states its source", "dimensions must be"),
         (
             in_space(lambda s, mu, e, a, b, n: (a, b, np.where(s.v[0] > 2.0, np.nan, n))),
             "solves every",
@@ -82,11 +82,11 @@ def in_space(change: Callable) -> Law:
         ),
         (in_space(lambda s, mu, e, a, b, n: (a + 1e-3 * n, b, n)), "mirrored", "in 2000 of 2000"),
         # friction towards one side keeps mirror symmetry, but not the turn
-        (in_space(lambda s, mu, e, a, b, n: (a, b + 1e-3 * n, n)), "turns the impulse", "the turned impulse"),
-        (in_space(lambda s, mu, e, a, b, n: (0.99 * a, 0.99 * b, n)), "for impacts in a plane", "is another one"),
+        (in_space(lambda s, mu, e, a, b, n: (a, b + 1e-3 * n, n)), "rotates the impulse", "the rotated impulse"),
+        (in_space(lambda s, mu, e, a, b, n: (0.99 * a, 0.99 * b, n)), "for impacts in a plane", "is different"),
         (in_space(lambda s, mu, e, a, b, n: (a, b, n * (1.0 + 0.1 * s.K_nn))), "units", "a constant in it has a unit"),
         (in_space(lambda s, mu, e, a, b, n: (a, b, n + np.mean(n))), "in space, takes one", "an impact alone"),
-        (in_space(lambda s, mu, e, a, b, n: (a, b, -n)), "in space, leaves a contact alone", "must be pushed"),
+        (in_space(lambda s, mu, e, a, b, n: (a, b, -n)), "in space, gives no impulse", "must be pushed"),
     ],
 )
 def test_a_mistake_in_space_is_found_and_named(wrong: Law, check: str, says: str) -> None:

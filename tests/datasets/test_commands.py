@@ -60,7 +60,7 @@ def test_check_prints_a_summary(tmp_path, capsys):
         "mass 0.05 kg",
         "noise       position 0.0002 m",
         "rad/s",
-        "impacts of the trajectories can be used (impacts.csv is used in their place)",
+        "impacts of the trajectories can be used (impacts.csv is used instead)",
         "(stated 0.0002)",
     ):
         assert part in text
@@ -152,7 +152,7 @@ def test_fetch_from_a_local_copy(tmp_path, capsys, raw_folder):
         assert main(["fetch", "planar-impact", "--from", str(source), "--to", str(tmp_path)]) == 0
         assert "impacts     1718" in capsys.readouterr().out
     assert main(["fetch", "planar-dice", "--from", str(tmp_path), "--to", str(tmp_path)]) == 2
-    assert "does not hold the published set planar_dice" in capsys.readouterr().err
+    assert "does not contain the published set planar_dice" in capsys.readouterr().err
 
 
 def test_init_converts_units_names_and_says_what_it_left_out(tmp_path, capsys):
@@ -162,7 +162,7 @@ def test_init_converts_units_names_and_says_what_it_left_out(tmp_path, capsys):
     text = capsys.readouterr().out
     assert "note: columns left out: quality" in text
     assert "note: 2 of 120 rows left out" in text
-    assert "radius of gyration 0.024495 m, that of a uniform lamina" in text
+    assert "radius of gyration 0.024495 m, as of a uniform lamina" in text
     assert "Next:" in text
     same_poses(tmp_path, trajectories().drop(index=[7, 8]))
     content = yaml.safe_load((tmp_path / "out" / "dataset.yaml").read_text())
@@ -199,7 +199,7 @@ def test_init_takes_a_file_for_each_trial_without_times_and_numbers_the_rows_tha
     lines[4] = "0.1,0.2\n"
     files[1].write_text("".join(lines[:3] + ["\n"] + lines[3:]))  # the blank line counts as a row
     assert init(tmp_path, *args) == 0
-    assert "1 of 120 rows left out: a pose or time is empty, as where frames are lost (run1.csv row 6)" in (
+    assert "1 of 120 rows left out: a pose or time is empty, as in lost frames (run1.csv row 6)" in (
         capsys.readouterr().out
     )
 
@@ -219,7 +219,7 @@ def test_init_with_a_shape_in_millimetres_names_the_option(tmp_path, capsys):
     args = [log_of(tmp_path, rig(trajectories())), *UNITS, "--columns", COLUMNS]
     assert main(["init", *args, "-o", str(tmp_path / "out"), "--shape", "disk:30"]) == 2
     error = capsys.readouterr().err
-    assert "--shape of the init command takes m" in error
+    assert "--shape of the init command is in m" in error
     assert "degrees" not in error
 
 
@@ -241,7 +241,7 @@ def test_init_says_that_a_body_is_homogeneous(tmp_path, capsys):
     assert init(tmp_path, *args, "--homogeneous", "3", "--force") == 2
     assert "--homogeneous: 3.0" in capsys.readouterr().err
     assert init(tmp_path, *args, "--homogeneous", "0.003", "--k-g", "0.02", "--force") == 2
-    assert "off that of this shape of one density" in capsys.readouterr().err
+    assert "off that of this shape with uniform density" in capsys.readouterr().err
 
 
 def test_init_numbers_named_trials_and_starts_their_clocks(tmp_path, capsys):
@@ -278,7 +278,7 @@ def test_init_refuses_what_is_still_wrong_and_says_so(tmp_path, capsys):
         (["--columns", "x=XX"], "has no column XX, y, theta (did you mean 'X'?)"),
         (["--columns", "q=X"], "'q=X' is not OURS=YOURS"),
         (["--columns", "t=time,y=Z,theta=angle,x=word"], "column word, row 2: 'abc' is not a number (120 such cells)"),
-        (["--units", "inch"], "'inch' is unknown; known are m, cm, mm"),
+        (["--units", "inch"], "'inch' is unknown; give m, cm, mm"),
         (["--units", "mm,cm"], "gives two units of length"),
         (["--columns", "x=X,y=Z,theta=angle"], "has no time column: give --columns t=NAME, or --rate HZ"),
         (["--delimiter", ";"], "and check --delimiter"),

@@ -1,4 +1,4 @@
-"""Pictures that repeat the one before are told from bodies at rest and from coarse digits, and left out."""
+"""Pictures that repeat the previous one are told from bodies at rest and from coarse digits, and left out."""
 
 from collections.abc import Callable
 
@@ -46,7 +46,7 @@ def test_copies_are_left_out(flights: Flights, pattern: str, digits: int) -> Non
     q = repeated(flights, copy, digits)
     samples = make_samples(flights.trial, flights.t, q, flights.header, ArcSettings())
     kept, said = without_copies(samples)
-    assert "repeat the one before" in said and "as lost frames" in said
+    assert "repeat the previous one" in said and "as lost frames" in said
     stays = np.isin(samples.trial * 1e3 + samples.t, kept.trial * 1e3 + kept.t)
     assert (~stays[copy]).mean() > FOUND
     assert stays[~copy].mean() > FOUND
@@ -77,7 +77,7 @@ def test_pictures_that_were_shown_late_get_the_times_at_which_they_were_taken() 
         times.append(t[at < len(of)])
     shown, t = np.concatenate(rows), np.concatenate(times)
     found = find_in_arrays(taken.trial[shown], t, taken.q[shown], header)
-    assert "repeat the one before" in found.warnings[0] and "those of arrival" in found.warnings[1]
+    assert "repeat the previous one" in found.warnings[0] and "those of arrival" in found.warnings[1]
     assert found.noise.position == pytest.approx(NOISE, rel=CLOSE)
 
 

@@ -146,11 +146,11 @@ def test_products_of_inertia_are_elements_of_the_tensor():
         ({"homogeneous": None, "radii_of_gyration": [0.01, 0.01, 0.03]}, "the largest is above the sum of the others"),
         (
             {"center_of_mass": [0.01, 0.0, 0.0]},
-            "center_of_mass contradicts homogeneous: that of this shape is [0, 0, 0]",
+            "center_of_mass contradicts homogeneous: this shape has its centre at [0, 0, 0]",
         ),
         ({"center_of_mass": [0.01, 0.0]}, "body.center_of_mass[2]: the key is missing"),
         ({"uncertainty": {"center_of_mass": -1.0}}, "body.uncertainty.center_of_mass: is -1.0, but must be above 0"),
-        ({"shape": BOX | {"edge_radius": 0.031}}, "edge_radius is larger than the solid allows, which is 0.03 m"),
+        ({"shape": BOX | {"edge_radius": 0.031}}, "edge_radius is larger than the solid allows, at most 0.03 m"),
         ({"shape": SHAPES["sphere"] | {"edge_radius": 0.001}}, "body.shape.edge_radius: unknown key"),
         ({"shape": {"kind": "box", "half_extents": [0.05, 0.04]}}, "body.shape.half_extents[2]: the key is missing"),
         ({"shape": {"kind": "boxx"}}, "did you mean 'box'?"),
@@ -230,7 +230,7 @@ def test_meshes_that_cannot_be_meant_are_refused(tmp_path, name):
     write_mesh(tmp_path, "secret.obj")
     head = header(body=body(shape={"kind": "mesh", "file": name}))
     said = only(write(tmp_path / "drops", head, trajectories=trajectories()))
-    assert "must be the name of a file .obj or .stl in the folder of the dataset" in said
+    assert "must be the name of an .obj or .stl file in the folder of the dataset" in said
 
 
 def test_an_open_mesh_cannot_be_homogeneous_and_one_without_a_centre_neither(tmp_path):
@@ -285,10 +285,10 @@ def test_several_surfaces_may_end_somewhere(tmp_path):
         ({"surface": {"point": [0, 0, 400]}}, "more than 40 m from the origin: millimetres?"),
         (
             {"surface": None, "gravity": [0, 0, 0]},
-            "without gravity nothing says how the surface lies; give surface.normal",
+            "without gravity the direction of the surface is not defined; give surface.normal",
         ),
-        ({"surfaces": [FLOOR]}, "there are surface and surfaces; give one of them"),
-        ({"surface": None, "surfaces": []}, "surfaces holds no surface"),
+        ({"surfaces": [FLOOR]}, "surface and surfaces are both given; keep one of them"),
+        ({"surface": None, "surfaces": []}, "surfaces contains no surface"),
         (
             {"surface": None, "surfaces": [FLOOR, {"name": "floor", "point": [0, 0, 1], "normal": [0, 1, 0]}]},
             "the name floor occurs more than once",
@@ -355,7 +355,7 @@ def test_columns_of_the_other_schema_show_the_form_wanted(tmp_path):
     assert "column theta: belongs to motions in a plane" in text
     assert "in space the columns are trial,t,x,y,z,qw,qx,qy,qz" in text
     text = refusal(write(tmp_path / "b", planar_header(), trajectories=trajectories()))
-    assert "columns z, qw, qx, qy, qz: the motion is one in space" in text and "write 'schema: 2'" in text
+    assert "columns z, qw, qx, qy, qz: the motion is in space" in text and "write 'schema: 2'" in text
     text = refusal(write(tmp_path / "c", planar_header(), impacts=impacts()))
     assert "vz_pre" in text and "write 'schema: 2'" in text
     text = refusal(write(tmp_path / "d", header(), impacts=impacts().assign(omega_pre=0.0)))
@@ -372,7 +372,7 @@ def test_columns_of_the_other_schema_show_the_form_wanted(tmp_path):
         ({"qy": np.nan}, "columns qw, qx, qy, qz, row 7: only some of them are given"),
         (dict.fromkeys("xyz", np.nan), "columns x, y, z, row 7: there is an orientation without a position"),
         ({"qw": 0.5, "qx": 0.0, "qy": 0.0, "qz": 0.0}, "row 7: the length of the quaternion is 0.5"),
-        (dict.fromkeys(("qw", "qx", "qy", "qz"), 0.0), "row 7: the length of the quaternion is 0, and"),
+        (dict.fromkeys(("qw", "qx", "qy", "qz"), 0.0), "row 7: the length of the quaternion is 0; that"),
         ({"qw": np.inf}, "column qw, row 7: is infinite"),
         ({"z": -np.inf}, "column z, row 7: is infinite"),
         ({"t": np.nan}, "column t, row 7: is empty or NaN"),
@@ -396,8 +396,8 @@ def test_times_copies_and_rates_are_judged_as_in_the_plane(tmp_path):
     late = frame.assign(t=frame["t"].where(frame.index != 9, frame["t"][7]))
     assert "the time goes backwards" in only(write(tmp_path / "a", header(), trajectories=late))
     copied = pd.concat([frame, frame[frame["trial"] == 1].assign(trial=3)])
-    assert "trials 1 and 3 hold the same measurements" in only(write(tmp_path / "b", header(), trajectories=copied))
-    assert "but dataset.yaml says rate: 100 Hz" in only(write(tmp_path / "c", header(rate=100.0), trajectories=frame))
+    assert "trials 1 and 3 contain the same measurements" in only(write(tmp_path / "b", header(), trajectories=copied))
+    assert "but dataset.yaml has rate: 100 Hz" in only(write(tmp_path / "c", header(rate=100.0), trajectories=frame))
     assert "the first row" in refusal(write(tmp_path / "d", header(), trajectories=frame.drop(columns="z")))
 
 
@@ -410,7 +410,7 @@ def test_impacts_may_have_times_and_contact_points_whole(tmp_path):
 
 
 def test_neither_table_and_no_positions(tmp_path):
-    assert "neither is there" in only(write(tmp_path / "a", header()))
+    assert "neither file exists" in only(write(tmp_path / "a", header()))
     nothing = trajectories().assign(**dict.fromkeys(("x", "y", "z", "qw", "qx", "qy", "qz"), np.nan))
     assert "no row has a position" in only(write(tmp_path / "b", header(), trajectories=nothing))
 

@@ -119,7 +119,7 @@ def test_frames_of_surfaces_follow_the_rule(normal, rng):
 
 def test_nobody_can_say_where_a_body_with_an_unknown_tracked_frame_is(rng):
     for call in (body_states, tracked_of_body):
-        with pytest.raises(UserError, match="tracked: unknown: give the pose"):
+        with pytest.raises(UserError, match="tracked: unknown: to locate the body, give the pose"):
             call(some_states(rng), head(tracked="unknown"))
 
 

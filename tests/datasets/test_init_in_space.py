@@ -32,7 +32,7 @@ def test_tosses_stay_in_space(tmp_path, capsys):
     np.testing.assert_allclose(made.trajectories[["t", "x", "y", "z"]], frame[["t", "x", "y", "z"]], atol=1e-12)
     dots = np.sum(made.trajectories[Q].to_numpy() * frame[Q].to_numpy(), axis=1)
     np.testing.assert_allclose(np.abs(dots), 1.0, atol=1e-12)
-    assert "the tracked frame is taken to be that of the shape" in capsys.readouterr().out
+    assert "the tracked frame is assumed to be the frame of the shape" in capsys.readouterr().out
 
 
 @pytest.mark.slow
@@ -51,7 +51,7 @@ def test_of_several_bodies_in_a_table_one_is_named(tmp_path, capsys, form):
         log = pd.concat([frame[["trial", "t"]], *poses], axis=1)
     assert init(tmp_path, log, *options)[0] == 2
     said = capsys.readouterr().err
-    assert "brick, table" in said and "say which with --body NAME" in said.replace("Say", "say")
+    assert "brick, table" in said and "choose one with --body NAME" in said.replace("Choose", "choose")
     assert ("--columns trial=name" in said) == (form == "blocks")
     assert init(tmp_path, log, *options, "--body", "cup")[0] == 2 and "It has: brick, table" in capsys.readouterr().err
     code, made = init(tmp_path, log, *options, "--body", "brick")
@@ -99,7 +99,7 @@ def test_where_the_orientation_is_lost_the_position_stays(tmp_path, capsys, lost
     frame.loc[gone, [*Q, "x", "y", "z"]] = lost  # the body itself
     log = frame.assign(t=frame["t"] + 2.0 * frame["trial"]).drop(columns="trial") if cut else frame
     code, made = init(tmp_path, log, *NAMED)
-    assert code == 0 and f"{rows.sum() - rows[gone].sum()} of {len(frame)} samples have a position and no" in (
+    assert code == 0 and f"{rows.sum() - rows[gone].sum()} of {len(frame)} samples have a position but no" in (
         capsys.readouterr().out
     )
     found, known = made.trajectories, frame.drop(index=gone)
@@ -162,7 +162,7 @@ def test_an_open_mesh_needs_what_is_believed_of_its_mass(tmp_path, capsys):
     (tmp_path / "open.obj").write_bytes(mesh((50.0, 40.0, 30.0), closed=False))
     options = ["--quaternion", "xyzw", "--shape", f"mesh:{tmp_path / 'open.obj'},0.001"]
     assert init(tmp_path, frame, *options)[0] == 2
-    assert "error: --shape: the mesh is not closed, so that it has neither volume nor inertia. Close it, or say" in (
+    assert "error: --shape: the mesh is not closed, so that it has neither volume nor inertia. Close the mesh" in (
         capsys.readouterr().err
     )
     believed = ["--radii-of-gyration", "0.03,0.03,0.035", "--center-of-mass", "-0.0,0,0.001"]

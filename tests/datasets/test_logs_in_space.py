@@ -168,16 +168,16 @@ WRONG = [
         ["--quaternion", "xyzw", "--columns", "x=X,y=Y,z=Z,q1=X,q2=Y,q3=Z,q4=q3,t=time"],
         "unit quaternions have 1",
     ),
-    ("table", ["--columns", "q1=q0"], "q1 belongs to a motion in space; say how it turns with --quaternion"),
-    ("table", ["--columns", "t=time,x=X,y=Y,z=Z"], "no angle of the body is read from it"),
+    ("table", ["--columns", "q1=q0"], "q1 belongs to a motion in space; give --quaternion"),
+    ("table", ["--columns", "t=time,x=X,y=Y,z=Z"], "it has no angle of the body"),
     ("table", ["--up", "y"], "--up is for motions in space"),
     ("table", ["--quaternion", "xyzw", "--body", "plate", *TABLE], "is a table of one body: leave --body out"),
     ("table", ["--quaternion", "xyzw", "--frame", "4,2", *TABLE], "is not X,Y,ANGLE"),
     ("table", ["--quaternion", "xyzw", "--frame", "40,2,0", *TABLE], "is not X,Y,ANGLE"),
     ("table", ["--quaternion", "xyzw", "--plane", "z", *TABLE], "--plane: the plane is level"),
-    ("motive", [], "take.csv has 2 bodies: plate, frame. Say which with --body NAME."),
+    ("motive", [], "take.csv has 2 bodies: plate, frame. Choose one with --body NAME."),
     ("motive", ["--body", "cup"], "has no body 'cup'"),
-    ("motive", ["--body", "plate", "--units", "mm"], "take.csv is an export of Motive, which says so itself"),
+    ("motive", ["--body", "plate", "--units", "mm"], "take.csv is an export of Motive, which contains this"),
     ("motive", ["--body", "plate", "--up", "z"], "free flights with --up y"),
     ("euler", ["--rotation", "zyx"], "They fit with --rotation ZYX"),
     ("vicon", ["--rotation", "helical"], "They fit with --rotation XYZ"),
@@ -230,7 +230,7 @@ def edited(path, out, old: str, new: str):
         ("vicon", "mm,mm,mm", "in,in,in", "'in' is not a known unit of length"),
         ("qualisys", "DATA_INCLUDED\t6D", "DATA_INCLUDED\t2D", "no line DATA_INCLUDED with 6D or 3D"),
         ("qualisys", "BODY_NAMES\trod", "BODY_NAMES\tcup\trod", "3 names, but no X, Y, Z of each"),
-        ("qualisys", "FREQUENCY\t250", "FREQUENCY\tEXT", "FREQUENCY is missing or no rate in Hz"),
+        ("qualisys", "FREQUENCY\t250", "FREQUENCY\tEXT", "FREQUENCY is missing or not a rate in Hz"),
         ("qualisys", "rod X\tY", "rod X\tQ", "no X, Y, Z of each"),
         ("optitrack", 'rigidbody,"plate"', 'body,"plate"', "has no body 'plate'"),
         ("optitrack", "\nframe,20,", "\nframe,20,now", "column 3: 'now"),
@@ -257,7 +257,7 @@ def test_a_bag_that_is_none(tmp_path, logs, capsys):
         with (tmp_path / name).open("wb") as file:
             file.truncate(10 * 2**30)  # a sparse file, in which a line or a record never ends
         assert init(tmp_path, tmp_path / name) == 2
-        assert "it does not begin as such a file does" in capsys.readouterr().err
+        assert "its first bytes are not those of such a file" in capsys.readouterr().err
     cut = tmp_path / "cut.mcap"
     cut.write_bytes(logs["bag"].read_bytes()[:5000])
     assert init(tmp_path, cut) == 2

@@ -138,7 +138,7 @@ def test_a_ball_is_a_point(tmp_path, recorded, capsys):
         made = convert([path], "out", RigOptions(parse_shape("disk:0.035")), Reading(**options)).dataset
         assert not made.has_angle
         pd.testing.assert_frame_equal(made.trajectories, dataset.trajectories, atol=1e-5, check_exact=False)
-        with pytest.raises(UserError, match="no angle of the body is read from it"):
+        with pytest.raises(UserError, match="it has no angle of the body"):
             convert([path], "out", RigOptions(parse_shape("square:0.06")), Reading(**options))
     drop = dataset.trajectories[dataset.trajectories["trial"] == 0]
     np.testing.assert_allclose(drop["y"].max(), recorded.planar[recorded.drop == 0, 1].max(), atol=1e-3)
@@ -148,7 +148,7 @@ def test_columns_of_a_quaternion_are_asked_for(tmp_path, capsys):
     names = "t,x,y,z,qx,qy,qz,qw"
     (tmp_path / "log.csv").write_text(f"{names}\n" + "0,0,0,0,0,0,0,1\n" * 3)
     assert main(["init", str(tmp_path / "log.csv"), "-o", str(tmp_path / "out"), "--shape", "disk:0.03"]) == 2
-    assert "say with --quaternion xyzw" in capsys.readouterr().err
+    assert "give --quaternion xyzw" in capsys.readouterr().err
 
 
 def test_messages_without_a_stamp_have_the_times_of_their_pictures(tmp_path, recorded, capsys):
@@ -207,7 +207,7 @@ def test_what_a_c3d_file_lacks_is_said(tmp_path, short, capsys, monkeypatch):
         path.write_bytes(content)
         with pytest.raises(UserError, match=rf"{name}\.c3d is a C3D file .*, but cannot be read: "):
             read_c3d(path, "plate", [])
-    with pytest.raises(UserError, match=r"has 2 bodies: plate, ball\. Say which"):
+    with pytest.raises(UserError, match=r"has 2 bodies: plate, ball\. Choose one"):
         read_c3d(tmp_path / "whole.c3d", None, [])
     monkeypatch.setattr("thesis_lib.datasets.sources.motion_capture.c3d.find_spec", lambda name: None)
     assert init(tmp_path, tmp_path / "whole.c3d") == 2
@@ -242,5 +242,5 @@ def test_a_bag_says_which_topics_it_has(tmp_path, short, capsys):
 def test_a_type_of_another_content_is_refused(tmp_path, short):
     kind = "mocap4r2_msgs/msg/RigidBodies"
     other = PUBLISHED | {kind: PUBLISHED[kind].replace("uint32 frame_number", "uint64 frame_number")}
-    with pytest.raises(UserError, match="not the standard ones of this name"):
+    with pytest.raises(UserError, match="whose definition is not the standard one"):
         read_bag(write_bag(short, tmp_path / "a.mcap", "RigidBodies", published=other), "plate", [])

@@ -185,14 +185,14 @@ def test_wild_samples_are_no_degrees(tmp_path):
 def test_columns_of_a_motion_in_space_are_refused_as_such(tmp_path):
     frame = trajectories().assign(z=0.0, roll=0.1, note=1.0)
     text = refusal(write(tmp_path, trajectories=frame))
-    assert "columns z, roll" in text and "only planar motions" in text and "remove it" in text  # the last of `note`
+    assert "columns z, roll" in text and "is for planar motions" in text and "remove it" in text  # the last of `note`
 
 
 def test_copies_of_trials_are_named(tmp_path):
     frame = bouncing_disk(4)
     both = pd.concat([frame, frame.assign(trial=frame["trial"] + 4)])
     text = refusal(disk(tmp_path / "a", both))
-    assert "trials 0 and 4, 1 and 5, 2 and 6, 3 and 7 hold the same measurements" in text
+    assert "trials 0 and 4, 1 and 5, 2 and 6, 3 and 7 contain the same measurements" in text
 
 
 def test_mass_in_grams_noise_in_degrees_and_a_sunken_body_are_warnings(tmp_path):
@@ -279,7 +279,7 @@ def test_degrees_of_a_disk_are_doubted_by_its_spin_or_its_noise(tmp_path):
     assert doubts("radians, hard to track", angle=0.02) == ""
     text = doubts("degrees")
     assert "column theta: may be in degrees" in text
-    assert "times faster than the centre" in text and "nothing, if it is in radians" in text
+    assert "times faster than the centre" in text and "no change if it is in radians" in text
     still = bouncing_disk(angle=2e-3).assign(theta=lambda f: np.random.default_rng(2).normal(0.0, 2e-3, len(f)))
     assert read_dataset(disk(tmp_path / "still", still)).warnings == ()
     (warning,) = read_dataset(disk(tmp_path / "still deg", still.assign(theta=still["theta"] * DEG))).warnings
@@ -289,7 +289,7 @@ def test_degrees_of_a_disk_are_doubted_by_its_spin_or_its_noise(tmp_path):
 def test_a_shape_in_millimetres_is_one_problem_and_no_angle_is_doubted(tmp_path):
     body = {"shape": {"kind": "disk", "radius": 30.0}, "radius_of_gyration": 21.0}
     text = only(disk(tmp_path / "a", bouncing_disk(), body=body))
-    assert "body.shape" in text and "--shape of the init command takes m" in text
+    assert "body.shape" in text and "--shape of the init command is in m" in text
     # 5 m: no size that is refused by itself, but the body is inside the surface at any angle
     body = {"shape": {"kind": "disk", "radius": 5.0}, "radius_of_gyration": 3.5}
     (warning,) = read_dataset(disk(tmp_path / "b", bouncing_disk(), body=body)).warnings

@@ -44,7 +44,7 @@ def test_lengths_in_other_units_are_refused(factor, unit):
     assert f"columns x, y, z: look like {unit}" in said(trajectories=frame)
     slow = flights(noise=(2e-5, 3e-3))
     slow[["x", "y", "z"]] *= 100.0
-    assert "columns x, y, z: look like cm: 8 free flights fall so" in said(trajectories=slow[slow["t"] < 0.18])
+    assert "x, y, z: look like cm: with this unit 8 free flights fall" in said(trajectories=slow[slow["t"] < 0.18])
 
 
 @pytest.mark.parametrize("axis", ["x", "z"])
@@ -123,7 +123,7 @@ def test_heights_that_repeat_to_the_last_digit_are_no_measurement():
     last = frame.groupby("trial").tail(1).index
     text = said(trajectories=frame.assign(z=frame["z"].mask(frame.index.isin(last), 0.0514874)))
     assert (
-        "column z, rows 60, 120, 180, 240 and 4 more: 0.0514874 stands in 8 trials, to the last digit: it was" in text
+        "column z, rows 60, 120, 180, 240 and 4 more: 0.0514874 occurs in 8 trials, to the last digit: it was" in text
     )
     for digits in (3, 4):  # some coordinates stand in three trials by chance
         assert "last digit" not in said(trajectories=frame.round(digits))
@@ -131,7 +131,7 @@ def test_heights_that_repeat_to_the_last_digit_are_no_measurement():
 
 def test_a_clock_that_is_off_shows_in_the_fall():
     text = said(header(rate=None), trajectories=flights(trials=20).assign(t=lambda frame: frame["t"] * 250.0 / 240.0))
-    found = re.search(r"fall by 9.*frames are taken at (\S+) Hz and not at the 230.4 Hz of their times", text)
+    found = re.search(r"fall by 9.*frames were taken at (\S+) Hz and not at the 230.4 Hz of their times", text)
     assert found and float(found[1]) == pytest.approx(240.0, rel=3e-3)
 
 
@@ -181,7 +181,7 @@ def test_check_prints_what_is_in_a_set_in_space(tmp_path, capsys):
     assert "body        box, reaches 0.07071 m" in text and "flights     8, which fall by (" in text
     assert (
         "hits        8 can be used in 8 trials (corner 0, edge 0, face 8)" in text
-        and "and no verdict: 8 usable" in text
+        and "only, no verdict: 8 usable" in text
     )
     assert "The dataset is valid." in text
     assert main(["check", str(folder), "--json"]) == 0
@@ -237,7 +237,7 @@ def test_bodies_that_are_held_first_or_caught_are_named_with_the_time(tmp_path, 
     folder = write(tmp_path / "drops", header(), trajectories=pd.concat(parts, ignore_index=True))
     assert main(["check", str(folder)]) == 0
     said = capsys.readouterr().out
-    assert "4 trials begin before the body is let go (trial 0 until" in said and ", trial 3 until" in said
+    assert "4 trials begin before the release of the body (trial 0 until" in said and ", trial 3 until" in said
     assert (
         "10 end in the air: caught, out of view, or beyond the table's edge (trial 0 at" in said and "5 more)" in said
     )

@@ -202,7 +202,7 @@ def test_a_changed_file_is_refused_and_nothing_is_written(two_throws, tmp_path):
     with pytest.raises(UserError, match=r"SHA-256 differs\): traj_2\.csv"):
         convert_published("planar_dice", raw, tmp_path / "out")
     assert not (tmp_path / "out").exists()
-    with pytest.raises(UserError, match="does not hold the published set"):
+    with pytest.raises(UserError, match="does not contain the published set"):
         convert_published("planar_dice", tmp_path / "nowhere", tmp_path / "out")
 
 
@@ -282,7 +282,7 @@ def test_a_wrong_download_is_refused(serve, tmp_path):
         ({"../../evil.csv": b"x"}, "unsafe name '../../evil.csv'"),
         ({"/etc/evil": b"x"}, "unsafe name '/etc/evil'"),
         ({"repo-abc\\..\\evil": b"x"}, "unsafe name"),
-        ({"repo-abc/dice-data-processed/traj_2.csv": bytes(2_000_000)}, "claims 2,000,000 bytes"),
+        ({"repo-abc/dice-data-processed/traj_2.csv": bytes(2_000_000)}, "states 2,000,000 bytes"),
     ],
     ids=["parent", "absolute", "backslash", "bomb"],
 )

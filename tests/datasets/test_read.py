@@ -122,11 +122,8 @@ def test_importing_the_package_is_cheap():
         (lambda folder: (shutil.rmtree(folder), folder.write_text("")), "is a file, expected a folder"),
         (lambda folder: (folder / "dataset.yaml").unlink(), "dataset.yaml: the file is missing"),
         (lambda folder: (folder / "dataset.yaml").write_bytes(b"\xff\xfe\x00schema"), "is not UTF-8 text"),
-        (lambda folder: (folder / "trajectories.csv").unlink(), "neither is there"),
-        (
-            lambda folder: trajectories().to_parquet(folder / "trajectories.parquet"),
-            "trajectories.parquet is there too",
-        ),
+        (lambda folder: (folder / "trajectories.csv").unlink(), "neither file exists"),
+        (lambda folder: trajectories().to_parquet(folder / "trajectories.parquet"), "trajectories.parquet exists, too"),
     ],
     ids=["folder", "file", "header", "bytes", "table", "tables"],
 )
@@ -195,7 +192,7 @@ del_ = object()
         ("body.mass", float("nan"), "is nan, but must be"),
         ("body.mass", "heavy", "is 'heavy', but must be a number"),
         ("body.homogeneous", "partly", "body.homogeneous: is 'partly', but must be true or false"),
-        ("body.homogeneous", True, "body.homogeneous: true, but nobody says how well it is known"),
+        ("body.homogeneous", True, "body.homogeneous: true, but its uncertainty is not stated"),
         ("body.uncertainty", {"size": 2.0}, "body.uncertainty.size: is 2.0, but must be below 1"),
         ("body.uncertainty", {"inertia": 0}, "body.uncertainty.inertia: is 0, but must be above 0"),
         ("body.uncertainty", {"inertja": 0.1}, "did you mean 'inertia'?"),
@@ -224,7 +221,7 @@ def test_what_a_homogeneous_body_cannot_be(tmp_path):
 
     assert read_dataset(read("square")).header.body.known("inertia") == pytest.approx(0.01)
     heavy_rim = only(read("rim", radius_of_gyration=0.026))
-    assert "gives a moment of inertia +13 % off that of this shape of one density (0.0244949 m)" in heavy_rim
+    assert "gives a moment of inertia +13 % off that of this shape with uniform density (0.0244949 m)" in heavy_rim
     assert "known to 1 %" in heavy_rim and "leave homogeneous out" in heavy_rim
     moved = [[x + 0.002, y] for x, y in body["shape"]["vertices"]]
     text = only(read("moved", shape={"kind": "polygon", "vertices": moved}))
@@ -282,7 +279,7 @@ def test_oversized_tables_are_refused_before_reading(tmp_path, monkeypatch):
     (folder / "trajectories.csv").unlink()
     trajectories().to_parquet(folder / "trajectories.parquet", index=False)
     monkeypatch.setattr(tables, "MAX_VALUES", 100)
-    assert "claims 120 rows of 5 columns; the limit is 100" in only(folder)
+    assert "states 120 rows of 5 columns; the limit is 100" in only(folder)
 
 
 def test_unknown_columns(tmp_path):
@@ -320,8 +317,8 @@ def test_faulty_cells(tmp_path, changes, message):
         ({"impact": {5: -1}}, "column impact, row 7: within a trial, impact must count up from 0"),
         ({"impact": {4: 1, 5: 0}}, "column impact, row 7: within a trial, impact must count up from 0"),
         ({"impact": impacts()["impact"] + 1}, "column impact, rows 2, 3, 4, 5 and 20 more: within a trial"),
-        ({"r_x": 0.0}, "column r_y: is missing although r_x is there"),
-        ({"cov_x_x": 1.0}, "only 1 of the 45 covariance columns are there"),
+        ({"r_x": 0.0}, "column r_y: is missing although r_x is given"),
+        ({"cov_x_x": 1.0}, "only 1 of the 45 covariance columns are given"),
         ({name: -1.0 for name in COVARIANCE_COLUMNS}, "a variance is negative"),
         ({"t": 0.5}, "an impact is not later than the one before it"),
         ({"trial": {23: 0}, "impact": {23: 2}}, "column trial, row 25: a trial begins again"),
@@ -332,7 +329,7 @@ def test_faulty_impacts(tmp_path, changes, message):
 
 
 def test_rate_that_contradicts_the_times(tmp_path):
-    assert "but dataset.yaml says rate: 240 Hz" in only(write(tmp_path, header(rate=240.0), trajectories=table()))
+    assert "but dataset.yaml has rate: 240 Hz" in only(write(tmp_path, header(rate=240.0), trajectories=table()))
     text = only(write(tmp_path, trajectories=table(t=trajectories()["t"] * 1000.0)))
     assert "t looks like milliseconds" in text
     content = {key: value for key, value in header().items() if key != "rate"}

@@ -106,7 +106,7 @@ def test_what_is_not_there_or_unclear_is_told(wheel, tmp_path):
         read_recording(folder)
     (folder / "dataset.yaml").unlink()
     (folder / "states.csv").rename(folder / "states.parquet")
-    with pytest.raises(UserError, match="is in the way"):
+    with pytest.raises(UserError, match="would be read as part of the recording"):
         write_recording(wheel, folder)
     (folder / "states.parquet").unlink()
     with pytest.raises(DatasetError, match=r"states\.csv: the file is missing"):

@@ -110,16 +110,16 @@ def test_stamps_in_nanoseconds_keep_their_digits(tmp_path):
 
 
 REFUSED = {
-    "contradicting": (text(NAMED), {"columns": COLUMNS, "units": "m"}, "x (mm) is in mm, but --units says m"),
-    "below": (below(",s,mm,mm,rad", text()), {"units": "deg"}, "column theta is in rad, but --units says deg"),
+    "contradicting": (text(NAMED), {"columns": COLUMNS, "units": "m"}, "x (mm) is in mm, but --units states m"),
+    "below": (below(",s,mm,mm,rad", text()), {"units": "deg"}, "column theta is in rad, but --units states deg"),
     "quantity": (text(NAMED), {"columns": "t=x (mm),x=t (s),y=y [mm],theta=angle (°)"}, "is in mm, but t is a time"),
-    "frames": (text(FRAME.assign(t=np.arange(len(FRAME)))), {}, "t counts rows: give the frames a second, --rate"),
+    "frames": (text(FRAME.assign(t=np.arange(len(FRAME)))), {}, "t counts rows: give the frame rate, --rate"),
     "stamps": (text(FRAME.assign(t=STAMPS)), {}, "counts ns since 1970 (1.567e+18): give --units ns"),
     "decimal": (text(sep=";"), {"decimal": ","}, "'0.00000' is not a number (120 such cells)"),
     "delimiter": (text(), {"delimiter": ";"}, "and check --delimiter"),
-    "pixels": (text(), {"units": "px"}, "say how many make a metre with --scale"),
-    "origin": (text(FRAME.assign(y=-FRAME["y"])), {"scale": "900"}, "Say with --origin U,V which pixel"),
-    "scale": (text(), {"scale": "900", "units": "mm"}, "--scale is for pixels, but --units says mm"),
+    "pixels": (text(), {"units": "px"}, "give the pixels per metre with --scale"),
+    "origin": (text(FRAME.assign(y=-FRAME["y"])), {"scale": "900"}, "Give the pixel of x = 0, y = 0 with --origin U,V"),
+    "scale": (text(), {"scale": "900", "units": "mm"}, "--scale is for pixels, but --units states mm"),
     "no angle": (text(FRAME.drop(columns="theta")), {}, "and only a round body can do without"),
     "binary": (bytes(range(256)) * 20, {}, "cannot be read as a table (it is not text)"),
     "body": (text(), {"body": "plate"}, "--body is for files of several"),
@@ -166,7 +166,7 @@ def test_walls_and_no_angle_through_the_command(tmp_path, capsys):
     walls = ["--wall", "south:0,-0.4,0,1", "--wall", "north:0,0.4,0,-2"]
     out = tmp_path / "out"
     assert main(["init", str(tmp_path / "puck.csv"), "-o", str(out), "--shape", "disk:0.03", *walls]) == 0
-    assert "note: gravity 0, as of a motion seen from above" in capsys.readouterr().out
+    assert "note: gravity 0, as for a motion seen from above" in capsys.readouterr().out
     dataset = read_dataset(out)
     assert not dataset.has_angle and dataset.gravity == 0.0
     assert [(wall.name, wall.point, wall.normal) for wall in dataset.header.surfaces or ()] == [
@@ -227,7 +227,7 @@ def test_points_that_are_not_on_one_body_are_doubted(tmp_path):
     (warning,) = read(
         tmp_path, "\n".join([*table[:3], *moved, ""]), scale="900", origin="300,800", rig={"rate": 250.0}
     ).warnings
-    assert "other stray by" in warning and "--body" in warning
+    assert "other deviate by" in warning and "--body" in warning
 
 
 def drops(spin: float, trials: int = 12, mu: float = 0.2) -> pd.DataFrame:
@@ -271,7 +271,7 @@ def test_fast_and_slowly_sampled_bodies_are_not_refused(tmp_path, every):
 
 def test_units_that_are_not_known_are_doubted(tmp_path):
     doubts = read(tmp_path, below(",sec,inch,mm,rad", text(FRAME.assign(y=1e3 * FRAME["y"])))).warnings
-    assert len(doubts) == 1 and "column x: 'inch' below the header is not a unit that is known; read as m" in doubts[0]
+    assert len(doubts) == 1 and "column x: 'inch' below the header is not a known unit; read as m" in doubts[0]
 
 
 def test_units_have_many_names():

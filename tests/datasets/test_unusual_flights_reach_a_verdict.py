@@ -36,7 +36,7 @@ def test_drag_is_named_with_its_size(dataset, effect: str, parameter: str, size:
 def test_a_law_is_not_adequate_where_slow_hits_do_not_rebound():
     found = verdict(stopping(1.0))
     assert found["verdict"] == "unexplained" and not found["remaining"]["structured"]
-    assert "and for none below" in found["summary"][0]
+    assert "but for none below" in found["summary"][0]
     assert any("does not rebound" in sentence for sentence in found["summary"])
 
 

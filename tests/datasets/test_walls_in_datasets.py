@@ -72,14 +72,14 @@ def test_theta_may_be_absent_for_a_disk_only(tmp_path) -> None:
 @pytest.mark.parametrize(
     ("changes", "said"),
     [
-        ({"surface": {"height": 0.0}}, "there are surface and surfaces"),
+        ({"surface": {"height": 0.0}}, "surface and surfaces are both given"),
         ({"surfaces": [WALLS[0], WALLS[1] | {"name": "south"}]}, "the name south occurs more than once"),
         ({"surfaces": [WALLS[0] | {"normal": [0.0, 0.0]}]}, "the normal has no direction"),
         ({"surfaces": [WALLS[0] | {"point": [0.0, -400.0]}]}, "millimetres?"),
         ({"surfaces": [WALLS[0] | {"name": "South wall"}]}, "should match pattern"),
         ({"surfaces": [WALLS[0] | {"normals": [0.0, 1.0]}]}, "did you mean 'normal'?"),
         ({"surfaces": [WALLS[0] | {"normal": [0.0, float("nan")]}]}, "a finite number"),
-        ({"surfaces": []}, "surfaces holds no wall"),
+        ({"surfaces": []}, "surfaces contains no wall"),
         ({"surfaces": [WALLS[0], WALLS[1] | {"normal": [0.0, 1.0]}]}, "behind the wall north in most rows"),
         ({"gravity": -9.81}, "must be 0.0 or more"),
         ({"spin": 0.0}, "above 0.0"),

@@ -81,5 +81,5 @@ def test_stale_tables_are_not_mixed_in(tmp_path):
     write_dataset(dataset, tmp_path / "b")
     write_dataset(dataset, tmp_path / "b")  # replaces itself
     only_poses = Dataset("b", dataset.header, dataset.trajectories)
-    with pytest.raises(UserError, match=r"impacts\.csv is in the way"):
+    with pytest.raises(UserError, match=r"impacts\.csv already exists"):
         write_dataset(only_poses, tmp_path / "b")

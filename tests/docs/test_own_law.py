@@ -24,5 +24,5 @@ def test_a_law_of_ones_own_is_found(tmp_path: Path, monkeypatch: pytest.MonkeyPa
     (tmp_path / "found_law.py").write_text(FILE.format(name="found_law"))
     assert package._further_laws()["found_law"].title == "Mirtich"
     (tmp_path / "misnamed_law.py").write_text(FILE.format(name="another_law"))
-    with pytest.raises(ImportError, match="name it like its file"):
+    with pytest.raises(ImportError, match="give it the name of its file"):
         package._further_laws()

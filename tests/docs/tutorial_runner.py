@@ -21,6 +21,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
 NUMBER = r"[-−]?\d+\.?\d*(?:e-?\d+)?"
+COMMAND = 'thesis-lib() { python -m thesis_lib "$@"; }'  # the installed one may belong to another checkout
 ROUNDING = 0.1  # relative: other versions of the libraries move floors, and whatever is drawn, by a few per cent
 _BLOCK = re.compile(
     r"(?:Save this as `(?P<path>[^`]+)`:\n\n)?^```(?P<kind>\w*)(?P<where> long| repository)?\n(?P<text>.*?)^```$",
@@ -73,7 +74,7 @@ def run(step: Step, folder: Path, project: Path | None = None) -> str:
         "XDG_CACHE_HOME": str(folder / ".cache"),
     }
     done = subprocess.run(
-        ["bash", "-euo", "pipefail", "-c", commands],
+        ["bash", "-euo", "pipefail", "-c", f"{COMMAND}\n{commands}"],
         cwd=folder,
         env=environment,
         capture_output=True,

@@ -57,7 +57,7 @@ class OtherInSpace(LengthScale):
 
 @pytest.mark.parametrize(
     "wrong, check",
-    [(AlongX(), "horizontal"), (OneWay(), "undoes"), (AlwaysThere(), "null"), (OtherInSpace(), "plane as a case")],
+    [(AlongX(), "horizontal"), (OneWay(), "undoes"), (AlwaysThere(), "null"), (OtherInSpace(), "plane as a special")],
 )
 def test_a_mistake_in_space_is_found(wrong, check) -> None:
     failed = [outcome.check for outcome in outcomes(checks_of(wrong), wrong) if outcome.verdict == "FAIL"]

@@ -93,7 +93,7 @@ def test_each_impact_may_have_its_own_friction_and_restitution():
 
 @pytest.mark.parametrize("name", SOFT)
 def test_what_no_engine_can_have_is_refused(name):
-    with pytest.raises(UserError, match="has no wear; what it can have is com_offset_x"):
+    with pytest.raises(UserError, match="does not model wear; it models com_offset_x"):
         of(name, DISK, 1, causes=HiddenCauses(wear=0.1))
 
 
@@ -105,7 +105,7 @@ def test_what_one_of_them_cannot_have_is_refused():
     with pytest.raises(UserError, match="ellipses, disks and rectangles"):
         of("drake", BODIES["triangle"], 1, options={"surface": "hydroelastic"})
     q, v = touching(DISK, 2)
-    with pytest.raises(ValueError, match="made for 1 bodies"):
+    with pytest.raises(ValueError, match="has 1 bodies"):
         impacts(of("mujoco", DISK, 1), q, v)
     v[0, 0] = np.nan
     with pytest.raises(ValueError, match="finite"):

@@ -51,7 +51,7 @@ def test_mujocos_own_form_of_solref_is_the_same_contact():
     direct = MujocoNumbers((-1.0 / (t * zeta) ** 2 / d, -2.0 / t), (d, d, 1e-3, 0.5, 2.0), 0.1, 1.0)
     own = MujocoNumbers((t, zeta), direct.solimp, 0.1, 1.0)
     np.testing.assert_allclose(of_mujoco(own), of_mujoco(direct), rtol=ROUND)
-    with pytest.raises(UserError, match="two positive numbers, or two negative"):
+    with pytest.raises(UserError, match="two positive or two negative numbers"):
         of_mujoco(MujocoNumbers((0.02, -1.0), direct.solimp, 0.1, 1.0))
 
 

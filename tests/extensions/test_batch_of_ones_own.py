@@ -34,7 +34,7 @@ def test_a_batch_looks_for_an_effect_of_ones_own(own_effect, tmp_path, capsys):
         assert diagnosis["additions"][0]["file"] == "my_effects.py"
         assert "is a program, which runs now" in (tmp_path / "out" / f"{name}.log").read_text()
     capsys.readouterr()
-    assert main(words) == 0 and "2 of 2 are done already" in capsys.readouterr().err
+    assert main(words) == 0 and "2 of 2 datasets are done already" in capsys.readouterr().err
     own_effect.write_text(own_files.EFFECT.replace("scale=0.05", "scale=0.06"), encoding="utf-8")
     assert main(words) == 0 and "done already" not in capsys.readouterr().err
 

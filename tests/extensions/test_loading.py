@@ -139,15 +139,15 @@ def test_an_installed_package_adds_effects_and_laws_with_its_name(tmp_path, monk
         ("import sys\nsys.exit(3)", "SystemExit: 3"),
         ("\n\nnot_there", r"NameError: name 'not_there' is not defined (own.py, line 3)"),
         ("x = 1", "binds none of EFFECT, EFFECTS, LAW and LAWS"),
-        ("EFFECT = 3", "'int', no Effect"),
-        (own_files.EFFECT.replace("tion()", "tion"), "an instance is made by ()"),
+        ("EFFECT = 3", "'int', not Effect"),
+        (own_files.EFFECT.replace("tion()", "tion"), "create an instance with ()"),
         (own_files.EFFECT.replace("    title =", "    other ="), "SlipDependentRestitution lacks title"),
-        (own_files.EFFECT.replace(f'"{NAME}"', '"wear"'), "is that of wear of the library"),
+        (own_files.EFFECT.replace(f'"{NAME}"', '"wear"'), "is used by wear of the library"),
         (own_files.EFFECT.replace(f'"{NAME}"', '"../wear"'), "lower-case letters"),
         (own_files.EFFECT.replace("restitution depends on slip", "drifting camera"), "sensor_drift of the library"),
         (own_files.NO_IDENTITY, "fails a check (changes nothing at its null): coefficients with all parameters"),
-        (own_files.EFFECT.replace("np.abs(contact.v_t)", "0.0"), "cannot be looked for yet"),
-        (own_files.LAW.replace('"my_law"', '"my_contact"'), "has a meaning of its own"),
+        (own_files.EFFECT.replace("np.abs(contact.v_t)", "0.0"), "cannot be tested yet"),
+        (own_files.LAW.replace('"my_law"', '"my_contact"'), "is reserved"),
         (own_files.LAW.replace('"mirtich"]', '"mirtich"], promises=frozenset()'), "neither promises nor breaks"),
     ],
 )
@@ -212,7 +212,7 @@ def test_a_model_whose_effect_is_not_loaded_says_which_and_how_to_load_it(tmp_pa
     assert load_model(path).effects == (NAME,)
     path.write_text(json.dumps(MODEL | {"origins": {NAME: of_file}}))
     (changed,) = changed_code(load_model(path))
-    assert changed.startswith(f"{NAME} was fitted with another state of my_effects.py")
+    assert changed.startswith(f"{NAME} was fitted with another version of my_effects.py")
 
 
 @pytest.mark.parametrize(

@@ -50,7 +50,7 @@ def test_check_refuses_a_name_of_the_library_whatever_else_is_wrong(text, tmp_pa
     path.write_text(text.replace('"my_law"', '"mirtich"'), encoding="utf-8")
     assert main(["effects", "--check", str(path)]) == 2
     out, err = capsys.readouterr()
-    assert out == "" and re.search("the name '(mirtich|wear)' is that of .* of the library; give your", err)
+    assert out == "" and re.search("the name '(mirtich|wear)' is used by .* of the library; give your", err)
 
 
 def test_check_says_one_fault_once_with_the_number_of_checks_that_meet_it(tmp_path, capsys):
@@ -139,6 +139,6 @@ def test_the_list_names_the_origin(own_effect, capsys):
     from thesis_lib.extensions.loading import load
 
     load([own_effect], say=lambda text: None)
-    assert "      not of the library, but from my_effects.py" in effects_text()
+    assert "      not part of the library; from my_effects.py" in effects_text()
     (entry,) = [entry for entry in json.loads(effects_json()) if "origin" in entry]
     assert entry["name"] == NAME and entry["origin"]["file"] == "my_effects.py"

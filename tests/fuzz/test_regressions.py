@@ -119,7 +119,7 @@ LAUGHS = "a0: &a0 [x]\n" + "".join(f"a{i}: &a{i} [{', '.join([f'*a{i - 1}'] * 10
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        (LAUGHS, "aliases written out"),
+        (LAUGHS, "with aliases expanded"),
         ("a: &a [*a]", "nested more than 20 levels"),
         ("[" * 5000, "nested more than 20 levels"),
         ("a: !!int ''", "is not valid YAML"),
@@ -128,7 +128,7 @@ LAUGHS = "a0: &a0 [x]\n" + "".join(f"a{i}: &a{i} [{', '.join([f'*a{i - 1}'] * 10
         ("a: !!python/object/apply:os.getcwd []", "is not valid YAML"),
         ("\x00", "is not valid YAML"),
         ("a: 1\n---\nb: 1\n", "is not valid YAML"),
-        ("seed: 1\nseed: 2\n", "the key 'seed' stands in line 1 and again in line 2"),
+        ("seed: 1\nseed: 2\n", "the key 'seed' occurs in line 1 and again in line 2"),
     ],
 )
 @pytest.mark.parametrize("read", [read_config, load_yaml])

@@ -104,7 +104,7 @@ def test_what_is_hidden_is_found_without_a_law(rng, tmp_path):
 
 def test_a_body_that_is_no_cube_is_refused():
     header = HEADER | {"body": HEADER["body"] | {"shape": {"kind": "box", "half_extents": [H, H, 0.6 * H]}}}
-    with pytest.raises(UserError, match="asks for a cube"):
+    with pytest.raises(UserError, match="needs a cube"):
         law_free(Dataset("brick", SpaceHeader.model_validate(header)))
 
 

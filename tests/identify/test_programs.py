@@ -159,5 +159,5 @@ def test_wrong_arguments_are_said(drops: list[TrueWindow]) -> None:
     window = drops[0].window
     with pytest.raises(UserError, match="no parameter"):
         window.fix({"mass": 1.0})
-    with pytest.raises(UserError, match="windows of"):
+    with pytest.raises(UserError, match="windows are available for"):
         cases("sphere", 10, 1, np.random.default_rng(0))

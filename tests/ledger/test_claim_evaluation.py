@@ -92,7 +92,7 @@ def test_the_edge_of_a_tolerance_is_inside(one, edit_table):
         ({**ORDER, "rows": ["mirtich", "whittaker"]}, None, LAWS, "reproduced"),
         # steps 0.019 and 0.027 with standard errors 0.0036 and 0.005: 5.3 and 5.4 of them
         ({**ORDER, "rows": ALL, "k": 5.2, "reason": "x"}, None, LAWS, "reproduced"),
-        ({**ORDER, "rows": ALL, "k": 5.35, "reason": "x"}, None, LAWS, "not decided: noise hides the answer"),
+        ({**ORDER, "rows": ALL, "k": 5.35, "reason": "x"}, None, LAWS, "not decided: the noise is too large to decide"),
         ({**ORDER, "rows": ALL[::-1], "k": 5.2, "reason": "x"}, None, LAWS, "deviates"),
         ({**ORDER, "rows": ["mirtich", "whittaker"]}, None, {}, "error: 2 rows with law = mirtich"),
         ({**ORDER, "rows": ["mirtich", "nobody"]}, None, LAWS, "error: no rows with"),
@@ -158,7 +158,7 @@ def test_what_is_no_number_no_flag_or_no_standard_error_never_passes(
         ({"std_column": "sigma"}, "no column 'sigma'"),
         ({"where": {"author": "fazeli"}}, "no column 'author'"),
         ({"where": {"law": "nobody"}}, "no row with law = nobody"),
-        ({"where": {"law": "mirtich"}}, "2 rows with law = mirtich; one is wanted"),
+        ({"where": {"law": "mirtich"}}, "2 rows with law = mirtich; exactly one is needed"),
         ({"where": {}}, "4 rows"),
     ],
 )

@@ -38,7 +38,7 @@ def test_update_then_check(command, capsys):
     assert command("check") == 1
     text = capsys.readouterr().out
     assert "9 changed" in text
-    assert "store it: python -m thesis_lib claims update" in text
+    assert "store it: thesis-lib claims update" in text
     assert "claims update --scale quick" in text
 
     assert command("update") == 0

@@ -137,7 +137,7 @@ def test_nan_and_an_infinity_agree_only_with_themselves(compare, column, value):
         (lambda t: t.drop(columns="error"), "column error is missing"),
         (lambda t: t.drop(columns="law"), "column law is missing"),
         (lambda t: t.assign(speed=1.0), "column speed of"),
-        (lambda t: t.assign(error="fast"), "holds 'fast' in row 0, no number"),
+        (lambda t: t.assign(error="fast"), "has 'fast' in row 0, not a number"),
         (lambda t: t.iloc[:0], "has no rows"),
     ],
 )
@@ -155,7 +155,7 @@ def test_a_table_of_another_form_is_neither_checked_nor_stored(compare, tmp_path
         (lambda t: t.iloc[::-1], "not the evenly spaced copy"),
         (lambda t: t.iloc[:0], "not the evenly spaced copy"),
         (lambda t: t.drop(columns="error"), "instead of"),
-        (lambda t: t.assign(error="fast"), "text where a number"),
+        (lambda t: t.assign(error="fast"), "text instead of a number"),
     ],
 )
 def test_a_copy_edited_by_hand_fails(tmp_path, figure, change, words):
@@ -163,7 +163,7 @@ def test_a_copy_edited_by_hand_fails(tmp_path, figure, change, words):
     write(change(pd.read_csv(tmp_path / "copy.csv")), tmp_path / "copy.csv")
     problems = check_figure(tmp_path / "a.csv", tmp_path / "copy.csv", figure)
     assert words in problems[0]
-    assert "python -m thesis_lib claims update" in problems[0]
+    assert "thesis-lib claims update" in problems[0]
 
 
 @pytest.fixture
@@ -183,7 +183,7 @@ def statuses(folder, figures, present=PRESENT):
 def test_check_figures(folder):
     status, finding = statuses(folder, [record()])["figure_3_8", "drops"]
     assert status == "error"
-    assert "store it: python -m thesis_lib claims update" in finding
+    assert "store it: thesis-lib claims update" in finding
 
     update_figures(folder / "results", folder / "stored", [record()], PRESENT)
     assert (folder / "stored/drops/figure_3_8.csv").is_file()
@@ -200,7 +200,7 @@ def test_an_absent_dataset_is_neutral_and_an_unknown_one_an_error(folder):
     assert statuses(folder, [record()], absent)["figure_3_8", "drops"][0] == "data not present"
     assert update_figures(folder / "results", folder / "stored", [record()], absent) == []
     status, finding = statuses(folder, [record()], {})["figure_3_8", "drops"]
-    assert status == "error" and "reports nothing about the dataset drops" in finding
+    assert status == "error" and "does not report on the dataset drops" in finding
 
 
 def test_a_figure_without_dataset_is_common(folder):

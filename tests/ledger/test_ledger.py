@@ -42,28 +42,28 @@ def test_the_example_in_the_docstring_is_read(tmp_path):
         ({"kind": "abs", "tolerance": 0.01}, 0.062, "check.reason: the key is missing (why this tolerance"),
         ({"kind": "rel", "tolerance": 0.01, "reason": "  "}, 0.062, "check.reason"),
         ({"kind": "interval", "k": 2}, 0.062, "check.reason: the key is missing"),
-        ({"kind": "greater", "threshold": 0, "k": 2}, None, "reason is missing: say why this k"),
-        ({"kind": "greater", "threshold": 20}, 30, "reason is missing: say why the threshold is 20"),
-        ({"kind": "less", "threshold": 151}, None, "reason is missing: say why the threshold is 151"),
-        ({**ORDER, "k": 2}, None, "reason is missing: say why this k"),
+        ({"kind": "greater", "threshold": 0, "k": 2}, None, "reason is missing: state why this k"),
+        ({"kind": "greater", "threshold": 20}, 30, "reason is missing: state why the threshold is 20"),
+        ({"kind": "less", "threshold": 151}, None, "reason is missing: state why the threshold is 151"),
+        ({**ORDER, "k": 2}, None, "reason is missing: state why this k"),
         ({**ABS, "tolerance": 0}, 0.062, "check.tolerance is 0, but must be above 0"),
         ({**ABS, "tolerance": -1}, 0.062, "check.tolerance"),
         ({**ABS, "tolerance": float("nan")}, 0.062, "check.tolerance"),
         ({**ABS, "tolerance": float("inf")}, 0.062, "check.tolerance"),
-        ({**ABS, "tolerance": True}, 0.062, "a number is wanted here"),
+        ({**ABS, "tolerance": True}, 0.062, "expected a number"),
         ({**ABS, "tolerence": 0.01}, 0.062, "check.tolerence: unknown key; did you mean 'tolerance'?"),
         ({**ABS, "kind": "about"}, 0.062, "check: kind is 'about', but must be abs or rel or interval"),
         (ABS, None, "published must be a number"),
         (ABS, "mirtich", "published must be a number"),
         (ABS, True, "published must be a number"),
-        (ABS, float("nan"), "published is nan: a published number is finite"),
+        (ABS, float("nan"), "published is nan: a published number must be finite"),
         ({"kind": "rel", "tolerance": 0.1, "reason": "x"}, 0, "use kind abs"),
         ({"kind": "less", "threshold": 1}, "small", "published must be a number or left out"),
         (ORDER, ["whittaker", "mirtich"], "published contradicts check.rows"),
         ({**ORDER, "rows": ["mirtich"]}, None, "check.rows"),
-        ({**ORDER, "rows": ["mirtich", []]}, None, "an empty group"),
+        ({**ORDER, "rows": ["mirtich", []]}, None, "a group must not be empty"),
         ({**ORDER, "rows": ["mirtich", ["mirtich", "newton"]]}, None, "rows names a row twice"),
-        ({**ORDER, "rows": ["mirtich", None]}, None, "a text, a number, true or false"),
+        ({**ORDER, "rows": ["mirtich", None]}, None, "text, a number, true or false"),
         ({"kind": "argmin", "key": "law", "row": "a"}, "b", "published contradicts check.row"),
         ({"kind": "true"}, False, "published can only be true"),
     ],
@@ -134,14 +134,14 @@ def test_everything_wrong_is_listed_at_once(write_ledger, make_claim):
 
 def test_a_duplicated_id_alone_is_refused(write_ledger, make_claim):
     text = refusal(write_ledger([make_claim("x", ABS, 0.062), make_claim("x", ABS, 0.07)]))
-    assert "claim table_3_1.x stands more than once" in text
+    assert "claim table_3_1.x occurs more than once" in text
 
 
 @pytest.mark.parametrize(
     ("text", "words"),
     [
         ("schema: 1\nclaims: [", "is not valid YAML"),
-        ("schema: 1\nclaims: []\nclaims: []\n", "the key 'claims' stands in line 2 and again in line 3"),
+        ("schema: 1\nclaims: []\nclaims: []\n", "the key 'claims' occurs in line 2 and again in line 3"),
         ("schema: 2\nclaims: []\n", "schema"),
         ("claims: []\n", "schema: the key is missing"),
         ("", "the whole file"),
@@ -228,7 +228,7 @@ class TestFolder:
     def test_an_id_stands_in_one_file(self, tmp_path, write_ledger, make_claim):
         for name in ("a", "b"):
             write_ledger([make_claim("x", ABS, 0.062)], name=f"{name}.yaml")
-        assert "claim table_3_1.x stands more than once" in refusal(tmp_path)
+        assert "claim table_3_1.x occurs more than once" in refusal(tmp_path)
 
     def test_an_empty_one_is_refused(self, tmp_path):
-        assert "holds no .yaml file of claims" in refusal(tmp_path)
+        assert "contains no .yaml file of claims" in refusal(tmp_path)

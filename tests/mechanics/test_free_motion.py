@@ -193,5 +193,5 @@ def test_regression_on_the_columns_finds_the_spin_before_an_impact(rng):
 
 def test_a_flight_without_end_is_refused():
     q = np.array([[1.0], [0.0], [0.0], [0.0]])
-    with pytest.raises(ValueError, match="are spins and times right"):
+    with pytest.raises(ValueError, match="check the spins and times"):
         attitudes(q, np.array([[1e3], [0.0], [0.0]]), G, np.array([0.13 * MOST_STEPS]))

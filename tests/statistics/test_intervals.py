@@ -35,7 +35,7 @@ class TestShares:
 
     def test_a_share_of_nothing_is_unknown(self):
         assert np.isnan(wilson(0, 0)).all()
-        with pytest.raises(ValueError, match="no cases"):
+        with pytest.raises(ValueError, match="not NaN"):
             share_of(np.array([np.nan]))
 
     def test_no_case_at_all_still_has_a_standard_error(self):

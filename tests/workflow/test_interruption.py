@@ -152,7 +152,7 @@ def failure(rule: str, before: str = "") -> str:
     return f"{before}\nError in rule {rule}:\n    message: None\n    jobid: 3\n    log: {log}\nLogfile follows\n"
 
 
-GO_ON, THEN, MENDED = "To go on:", "would fail there again", "Once it is mended:"
+GO_ON, THEN, MENDED = "To go on:", "would fail there again", "Once it is fixed:"
 
 
 @pytest.mark.parametrize(

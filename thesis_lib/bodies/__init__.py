@@ -1,1 +1,1 @@
-"""Rigid bodies: planar shapes, solids, their inertia, and what is believed of the rig that drops them."""
+"""Rigid bodies: planar shapes, solids, their inertia, and the stated properties of the rig that drops them."""

@@ -1,4 +1,4 @@
-"""A rig as its owner knows it: the body that is dropped, the surface that it meets, the noise of its measurements."""
+"""A rig as stated by its owner: the body that is dropped, the surface that it hits, and the measurement noise."""
 
 import math
 from typing import Annotated
@@ -13,7 +13,7 @@ Relative = Annotated[float, Field(gt=0, lt=1, allow_inf_nan=False)]
 
 
 class Uncertainty(Section):
-    """Relative standard uncertainties of what was weighed or measured of the body itself, not inferred from drops."""
+    """Relative standard uncertainties of properties measured on the body itself, not inferred from drops."""
 
     mass: Relative | None = Field(None, description="of the mass")
     size: Relative | None = Field(None, description="of the lengths of the shape")
@@ -27,16 +27,16 @@ class Body(Section):
     mass: Positive | None = Field(None, description="kg; optional, planar impacts need only the radius of gyration")
     radius_of_gyration: Positive = Field(description="m, about the centre of mass")
     homogeneous: bool | None = Field(
-        None, description="true if of one density throughout: inertia and centre of mass follow from the shape"
+        None, description="true for uniform density: inertia and centre of mass then follow from the shape"
     )
-    uncertainty: Uncertainty | None = Field(None, description="of what is known of the body without any drop; optional")
+    uncertainty: Uncertainty | None = Field(None, description="of properties that are known without drops; optional")
 
     @property
     def inertia_uncertainty(self) -> float | None:
-        """Relative standard uncertainty of k², k the radius of gyration; None if nobody measured it.
+        """Relative standard uncertainty of k², k the radius of gyration; None if it was not measured.
 
-        k² = I/m if inertia and mass were measured.  That of a homogeneous body goes with the square of its size;
-        `inertia` is then how far its density may be uneven.
+        k² = I/m if inertia and mass were measured.  For a homogeneous body k² is proportional to the square of its
+        size; `inertia` then accounts for an uneven density.
         """
         known = self.uncertainty
         if known is None or (known.inertia is None and not (self.homogeneous and known.size)):
@@ -52,14 +52,14 @@ class Body(Section):
 
     @property
     def centre_uncertainty(self) -> float | None:
-        """Standard uncertainty of the centre of mass in m, along each axis; None if it is not known to be central."""
+        """Standard uncertainty of the centre of mass in m, along each axis; None if unknown or not homogeneous."""
         if not self.homogeneous or self.inertia_uncertainty is None:
             return None
         return self.inertia_uncertainty * self.shape.extent
 
 
 class Surface(Section):
-    """The half-plane y ≤ height."""
+    """A level surface: the half-plane y ≤ height."""
 
     height: Annotated[float, Field(allow_inf_nan=False)] = Field(0.0, description="m")
 

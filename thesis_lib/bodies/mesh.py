@@ -1,7 +1,7 @@
-"""A body as a file of triangles, .obj or .stl: what touches is its convex hull, what has mass is the mesh as drawn.
+"""A body given by a file of triangles, .obj or .stl: its convex hull touches surfaces; its mass fills the mesh itself.
 
 The file lies in the folder of the dataset.  It is read, with its size bounded, while dataset.yaml is checked, so that a
-mesh in memory is a mesh that was read; its bytes belong to the content of the dataset.
+mesh in memory has always been read; its bytes are part of the content of the dataset.
 """
 
 import hashlib
@@ -31,8 +31,8 @@ class Mesh(Section):
     """A closed or open surface of triangles, in the axes of its file."""
 
     kind: Literal["mesh"] = "mesh"
-    file: str = Field(description="name of a file .obj or .stl in the folder of the dataset, at most 20 MB")
-    scale: Length = Field(1.0, description="m for each unit of the file, 0.001 for millimetres")
+    file: str = Field(description="name of an .obj or .stl file in the folder of the dataset, at most 20 MB")
+    scale: Length = Field(1.0, description="m per unit of the file, 0.001 for millimetres")
     edge_radius: Annotated[float, Field(ge=0, allow_inf_nan=False)] = Field(0.0, description="m, of all edges")
 
     _content: bytes = PrivateAttr(b"")
@@ -43,7 +43,7 @@ class Mesh(Section):
             return self
         folder = (info.context or {}).get("folder")
         if folder is None:
-            raise ValueError("a mesh is a file in the folder of a dataset, and no folder is given")
+            raise ValueError("a mesh is a file in the folder of a dataset, but no folder is given")
         self._content = _content_of(Path(folder), self.file)
         _ = self.solid
         return self
@@ -60,15 +60,15 @@ class Mesh(Section):
 
     @property
     def solid(self) -> Hull:
-        """The convex hull of the mesh, which is what a surface touches."""
+        """The convex hull of the mesh, the solid that touches a surface."""
         return _hull_of(self._content, Path(self.file).suffix.lower(), self.scale, self.edge_radius)
 
     def scaled(self, factor: float) -> "Mesh":
-        """The same file with all lengths times `factor`, as of a `Solid`."""
+        """The same mesh with all lengths times `factor`, as for a `Solid`."""
         return self.model_copy(update={"scale": factor * self.scale, "edge_radius": factor * self.edge_radius})
 
     def rounded(self, edge_radius: float) -> "Mesh":
-        """The same file with edges of another radius in m."""
+        """The same mesh with another edge radius in m."""
         return self.model_copy(update={"edge_radius": edge_radius})
 
     @property
@@ -107,7 +107,7 @@ def _moments_of(content: bytes, suffix: str, scale: float) -> Moments:
 
 def _content_of(folder: Path, name: str) -> bytes:
     if Path(name).name != name or Path(name).suffix.lower() not in SUFFIXES or not name.isprintable():
-        raise ValueError("must be the name of a file .obj or .stl in the folder of the dataset")
+        raise ValueError("must be the name of an .obj or .stl file in the folder of the dataset")
     path = folder / name
     try:
         if path.is_symlink():
@@ -119,12 +119,12 @@ def _content_of(folder: Path, name: str) -> bytes:
 
 @lru_cache(maxsize=8)
 def _surface_in(content: bytes, suffix: str) -> tuple[np.ndarray, np.ndarray, bool]:
-    """Vertices (k, 3), triangles (f, 3) of their numbers, and whether they close a surface, with one outside."""
+    """Vertices (k, 3), triangles (f, 3) as their indices, and whether the surface is closed, with one outside."""
     if find_spec(PACKAGE) is None:
         raise ValueError(f"reading a mesh needs a package: pip install {PACKAGE}")
     import trimesh
 
-    logging.getLogger(PACKAGE).setLevel(logging.CRITICAL)  # what is wrong with a file is said below
+    logging.getLogger(PACKAGE).setLevel(logging.CRITICAL)  # faults of a file are reported below
     options = {"skip_materials": True} if suffix == ".obj" else {}  # materials are other files
     try:
         mesh = trimesh.load_mesh(io.BytesIO(content), file_type=suffix[1:], process=False, **options)

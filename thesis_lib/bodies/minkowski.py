@@ -1,7 +1,7 @@
-"""Solids as Minkowski sums, and one of their contact points for each of n bodies.
+"""Solids as Minkowski sums, and one chosen contact point of a solid for each of n bodies.
 
-Every solid here is the convex hull of equal ellipsoids about centres u_i, swept by a ball of radius ρ.  So the points
-with which it may touch a level surface are, at the attitude R and with n the normal,
+Every solid here is the convex hull of equal ellipsoids about centres u_i, swept by a ball of radius ρ.  The points with
+which it may touch a level surface are therefore, at the attitude R and with the normal n,
 
     r_i = R (u_i + s(−Rᵀ n)) − ρ n,    s(d) = A d / √(dᵀ A d),    A = diag(a², b², c²).
 
@@ -22,7 +22,7 @@ import numpy as np
 
 from thesis_lib.mechanics.space import SPACE
 
-LEVEL = 1e-12  # of a unit direction, or of the extent: less is rounding, and the points lie equally far
+LEVEL = 1e-12  # of a unit direction, or of the extent: smaller differences are rounding, and points equally far
 BLOCK = 2**22  # vertices times directions that are compared at once: 32 MiB
 
 
@@ -42,29 +42,29 @@ class MinkowskiSum:
             return point
         stretched = self.squares[:, None] * unit
         length = np.sqrt((unit * stretched).sum(axis=0))
-        # of a disk that lies level the middle
+        # the middle of a disk that lies level
         rolls = length > LEVEL * np.sqrt(self.squares.max())
         return point + np.divide(stretched, length, out=np.zeros_like(stretched), where=rolls)
 
     @property
     def extent(self) -> float:
-        """Largest distance in m of a point from the origin, where the ellipsoid lies across its centre."""
+        """Largest distance in m of a point from the origin, if a longest semi-axis is perpendicular to each u_i."""
         return float(np.sqrt((self.centres**2).sum(axis=0).max() + self.squares.max()) + self.radius)
 
     def heights(self, attitude: np.ndarray) -> np.ndarray:
-        """Heights (p, n) in m of all points above the body's origin, at attitudes (4, n)."""
+        """Heights (p, n) in m of all possible contact points above the body's origin, at attitudes (4, n)."""
         up = SPACE.turned_back(attitude, np.array([[0.0], [0.0], [1.0]]))
         return self.centres.T @ up - np.sqrt(self.squares @ (up * up)) - self.radius
 
 
 class SupportPoint:
-    """One contact point of a solid for each of n bodies, as a shape of its own: `index` (n,) of its centre."""
+    """One contact point of a solid for each of n bodies, used like a shape; `index` (n,) of its centre."""
 
     def __init__(self, solid: Any, index: np.ndarray) -> None:
         self.solid, self.kind, self.index = solid, solid.kind, index
 
     def nearest(self, solid: Any, rows: np.ndarray) -> "SupportPoint":
-        """Of the bodies at `rows` the points of a similar solid whose centres are the nearest."""
+        """For the bodies at `rows`, the points of a similar solid with the nearest centres."""
         return SupportPoint(solid, _nearest(self.solid, solid)[self.index[rows]])
 
     def lowest(self, attitude: np.ndarray) -> np.ndarray:
@@ -84,13 +84,13 @@ class SupportPoint:
 
 @lru_cache(maxsize=64)
 def _nearest(solid: Any, other: Any) -> np.ndarray:
-    """Of each centre of a solid (p,) the index of the nearest one of another solid."""
+    """Index (p,) of the nearest centre of another solid, for each centre of a solid."""
     own, there = solid.minkowski.centres, other.minkowski.centres
     return ((own[:, :, None] - there[:, None]) ** 2).sum(axis=0).argmin(axis=1)
 
 
 def farthest(points: np.ndarray, direction: np.ndarray) -> np.ndarray:
-    """Of points (3, k) those (3, n) that lie farthest along unit vectors (3, n); the middle of points equally far."""
+    """Those (3, n) of `points` (3, k) that lie farthest along unit vectors (3, n); the mean of equally far points."""
     if points.shape[1] == 1:
         return points
     if (block := max(1, BLOCK // points.shape[1])) < direction.shape[1]:

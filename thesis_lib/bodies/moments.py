@@ -17,7 +17,7 @@ class Moments(NamedTuple):
 
 
 def moments_within(triangles: np.ndarray) -> Moments:
-    """Moments of what a closed surface of triangles (f, 3, 3) in m encloses, each counter-clockwise seen from outside.
+    """Moments of the solid in a closed surface of triangles (f, 3, 3) in m, each counter-clockwise seen from outside.
 
     Each triangle and the origin span a tetrahedron of signed volume V = a·(b × c)/6, with the centre of mass
     (a + b + c)/4 and the second moments ∫ r rᵀ dV = V/20 (a aᵀ + b bᵀ + c cᵀ + s sᵀ), s = a + b + c.

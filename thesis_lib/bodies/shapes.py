@@ -7,7 +7,7 @@
 | φ_n      | `phi_n`     | m    | (n,)   | gap between body and surface                                      |
 | k        | `k_g`       | m    |        | radius of gyration                                                |
 
-The body origin is the believed centre of mass.  Shapes are sections of dataset.yaml; their geometry takes n angles at
+The body origin is the believed centre of mass.  Shapes are sections of dataset.yaml; their methods take n angles at
 once.
 """
 
@@ -100,7 +100,7 @@ class Disk(_Shape):
 
     @property
     def semi_axes(self) -> tuple[float, float]:
-        """Those of the ellipse (m) that it is."""
+        """Semi-axes in m of the disk as an ellipse."""
         return self.radius, self.radius
 
     def contact_point(self, theta: np.ndarray) -> np.ndarray:
@@ -120,7 +120,7 @@ class Disk(_Shape):
 
 
 class Polygon(_Shape):
-    """Polygon with vertices in m in the body frame, in either order; its convex hull is what touches."""
+    """Polygon with vertices in m in the body frame, in either order; its convex hull touches the surface."""
 
     kind: Literal["polygon"] = "polygon"
     vertices: Annotated[tuple[tuple[Coordinate, Coordinate], ...], Field(min_length=3, max_length=1000)]
@@ -137,7 +137,7 @@ class Polygon(_Shape):
         return _hull(self.vertices)
 
     def gaps(self, y: np.ndarray, theta: np.ndarray, height: float = 0.0) -> np.ndarray:
-        """Gap (k, n) in m of each corner, as `gap`."""
+        """Gap (k, n) in m of each corner; arguments as in `gap`."""
         x, across = self.corners.T[:, :, None]
         return y + (np.sin(theta) * x + np.cos(theta) * across) - height
 
@@ -174,7 +174,7 @@ class Polygon(_Shape):
         return float(np.sqrt(polar / area - centroid @ centroid))
 
     def lying(self, theta: np.ndarray) -> np.ndarray:
-        """On a side of the convex hull that has the origin, taken as the centre of mass, above it."""
+        """Nearest angle at which a side of the convex hull is down, with the origin (the centre of mass) above it."""
         corners = self.corners
         along = np.roll(corners, -1, axis=0) - corners
         share = -np.sum(corners * along, axis=1) / np.sum(along**2, axis=1)  # of the side, where the origin is above it
@@ -183,15 +183,15 @@ class Polygon(_Shape):
 
 
 class Corner:
-    """One corner of a polygon for each of n bodies, as a shape of its own: `index` (n,) into `polygon.corners`.
+    """One corner of a polygon for each of n bodies, used like a shape: `index` (n,) into `polygon.corners`.
 
-    A number of bodies in its place stands for the first corner of all of them, then the second of all, and so on; their
-    angles repeat with the corner.
+    If `index` is a number of bodies, all corners are used: the first corner of all bodies, then the second, and so on;
+    the angles of the bodies repeat for each corner.
     """
 
     def __init__(self, polygon: Polygon, index: np.ndarray | int) -> None:
         self.polygon, self.kind = polygon, polygon.kind
-        # x and y (n,), or (k, 1) for k of each body
+        # x and y (n,), or (k, 1) for k corners of each body
         if isinstance(index, int):
             self._corners, self._bodies = polygon.corners.T[:, :, None], index
         else:
@@ -215,7 +215,7 @@ class Corner:
         return self.contact_point(attitude[0]).T
 
     def turned(self, points: np.ndarray, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """x and y (n,) of a point that belongs to the corner, turned by `theta` (n,); `points` (k, 2), one a corner."""
+        """x and y (n,) of a point that belongs to the corner, turned by `theta` (n,); `points` (k, 2) by corner."""
         self._turn(theta)
         x, y = points.T[:, :, None] if self._corners.ndim == 3 else points[self.index].T
         return (self._cos * x - self._sin * y).ravel(), (self._sin * x + self._cos * y).ravel()
@@ -223,7 +223,7 @@ class Corner:
     def _turn(self, theta: np.ndarray) -> None:
         where = theta.__array_interface__
         key = where["data"], where["strides"], theta.shape
-        # a prediction asks for the same angles again; as `_theta` is kept, no other array lies at their place
+        # a prediction uses the same angles again; as `_theta` is kept, no other array has their address
         if self._key == key:
             return
         (x, y), cos, sin = self._corners, np.cos(theta[: self._bodies]), np.sin(theta[: self._bodies])
@@ -236,7 +236,7 @@ class Corner:
 
 
 def _nearest(theta: np.ndarray, angles: np.ndarray, turn: float) -> np.ndarray:
-    """Of angles (k,) that repeat after a `turn`, in rad, those (n,) nearest to `theta` (n,)."""
+    """Angles (n,) nearest to `theta` (n,) among `angles` (k,), which repeat after a `turn`; all in rad."""
     off = np.remainder(np.subtract.outer(theta, angles) + 0.5 * turn, turn) - 0.5 * turn
     return theta - off[np.arange(len(theta)), np.abs(off).argmin(axis=1)]
 

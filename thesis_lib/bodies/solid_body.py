@@ -1,4 +1,4 @@
-"""A rig in space as its owner believes it: the body, its tracked frame, the surfaces, the noise.
+"""A rig in space as stated by its owner: the body, its tracked frame, the surfaces, the noise.
 
 | on paper | in code                      | unit | shape  | axes                                                    |
 |----------|------------------------------|------|--------|---------------------------------------------------------|
@@ -25,7 +25,7 @@ from thesis_lib.bodies.solids import Box, Capsule, Cylinder, Ellipsoid, Solid, S
 from thesis_lib.bodies.walls import FARTHEST, SurfaceName
 from thesis_lib.foundation.settings import Section
 
-UNIT = 0.02  # how far from 1 the length of a quaternion may be: files have three digits and more
+UNIT = 0.02  # by which the length of a quaternion may differ from 1: files have three digits or more
 ROUNDED = 1e-3  # relative; numbers in dataset.yaml may have three digits
 OFF_SURFACE = 0.01  # of its size, by which corners of an extent may lie off the surface
 
@@ -58,7 +58,7 @@ class InertiaTensor(Section):
 
     @property
     def matrix(self) -> np.ndarray:
-        """(3, 3) in kg m²."""
+        """Inertia tensor (3, 3) in kg m²."""
         return np.array([[self.xx, self.xy, self.xz], [self.xy, self.yy, self.yz], [self.xz, self.yz, self.zz]])
 
     @model_validator(mode="after")
@@ -68,7 +68,7 @@ class InertiaTensor(Section):
 
 
 def _require_possible(tensor: np.ndarray) -> None:
-    """ValueError if no body has this tensor (3, 3)."""
+    """Raise a ValueError if no body can have this inertia tensor (3, 3)."""
     with np.errstate(over="ignore", invalid="ignore"):
         least, middle, largest = np.linalg.eigvalsh(tensor)
     shown = f"principal moments {least:.4g}, {middle:.4g} and {largest:.4g}"
@@ -79,7 +79,7 @@ def _require_possible(tensor: np.ndarray) -> None:
 
 
 class SolidUncertainty(Section):
-    """Standard uncertainties of what was weighed or measured of the body itself, not inferred from drops."""
+    """Standard uncertainties of properties measured on the body itself, not inferred from drops."""
 
     mass: Relative | None = Field(None, description="of the mass")
     size: Relative | None = Field(None, description="of the lengths of the shape, as a caliper gives them")
@@ -100,9 +100,9 @@ class SolidBody(Section):
         None, description="m, about axes through the centre of mass that are along the shape's, and principal"
     )
     homogeneous: bool | None = Field(
-        None, description="true: of one density throughout; inertia and centre of mass follow from the sharp shape"
+        None, description="true for uniform density: inertia and centre of mass follow from the sharp-edged shape"
     )
-    uncertainty: SolidUncertainty | None = Field(None, description="of what is known of the body; optional")
+    uncertainty: SolidUncertainty | None = Field(None, description="of the known properties of the body; optional")
 
     def known(self, what: str) -> float | None:
         """Standard uncertainty of "inertia" or "size" (relative) or "centre of mass" (m); None if it is not known."""
@@ -111,7 +111,7 @@ class SolidBody(Section):
 
     @property
     def solid(self) -> Solid:
-        """Solid that touches a surface; of a mesh its convex hull."""
+        """Solid that touches a surface; for a mesh, its convex hull."""
         return self.shape.solid if isinstance(self.shape, Mesh) else self.shape
 
     @property
@@ -155,7 +155,7 @@ class SolidBody(Section):
             off = np.linalg.norm(self.moments.centre - np.array(self.center_of_mass or self.moments.centre))
             if off > ROUNDED * self.solid.extent:
                 where = ", ".join(f"{value:.6g}" for value in self.moments.centre)
-                raise ValueError(f"center_of_mass contradicts homogeneous: that of this shape is [{where}]")
+                raise ValueError(f"center_of_mass contradicts homogeneous: this shape has its centre at [{where}]")
         elif isinstance(self.shape, Mesh) and self.center_of_mass is None:
             raise ValueError("a mesh needs center_of_mass, or homogeneous: true")
         return self
@@ -185,12 +185,12 @@ class Tracked(Section):
     @model_validator(mode="after")
     def _turns(self) -> "Tracked":
         if not abs((length := math.hypot(*self.quaternion)) - 1.0) <= UNIT:
-            raise ValueError(f"the quaternion has the length {length:.4g}, and those of rotations have 1")
+            raise ValueError(f"the quaternion has the length {length:.4g}, but those of rotations have 1")
         return self
 
 
 class FlatSurface(Section):
-    """A plane; the body is where (x − point)·normal ≥ 0."""
+    """A plane surface; the body is on the side (x − point)·normal ≥ 0."""
 
     point: Vector = Field((0.0, 0.0, 0.0), description="m, any point of the plane")
     normal: Vector | None = Field(
@@ -207,13 +207,13 @@ class FlatSurface(Section):
 
 
 class NamedSurface(FlatSurface):
-    """One of several planes, each with a name, which may end somewhere."""
+    """One of several plane surfaces, with a name and an optional extent."""
 
     name: SurfaceName
     point: Vector = Field(description="m, any point of the plane")
     normal: Vector = Field(description="from the surface towards the body, of any length above 0")
     extent: Annotated[tuple[Vector, ...], Field(min_length=3, max_length=1000)] | None = Field(
-        None, description="m, corners of a polygon in the plane, beyond which there is nothing; optional"
+        None, description="m, corners of a polygon in the plane, beyond which there is no surface; optional"
     )
 
     @model_validator(mode="after")

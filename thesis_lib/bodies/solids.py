@@ -1,4 +1,4 @@
-"""Convex solids and the point with which they touch a surface: shapes in space, by their support functions.
+"""Convex solids in space, described by support functions, and the point with which they touch a surface.
 
 | on paper | in code       | unit | shape   |                                                                       |
 |----------|---------------|------|---------|-----------------------------------------------------------------------|
@@ -13,7 +13,7 @@ stated measures: the solid is the sharp one moved in by ρ, then swept by a ball
 
     s(d) = s_in(d) + ρ d / |d|,
 
-so that the half extents of a box are what a caliper gives.  Where a whole edge or face lies farthest, the support is
+so that the half extents of a box are those that a caliper gives.  If a whole edge or face lies farthest, the support is
 its middle; mirrored solids then touch in mirrored points.  Volume, centre of mass and inertia are those of the
 homogeneous solid with sharp edges.
 """
@@ -32,7 +32,7 @@ from thesis_lib.foundation.settings import Section
 from thesis_lib.mechanics.space import SPACE
 
 UP = np.array([[0.0], [0.0], [1.0]])
-LEVELLED = 4e-3  # m above the lowest corner, within which another one hits with it
+LEVELLED = 4e-3  # m above the lowest corner, within which another corner counts as hitting with it
 CONTACT_KINDS = ("corner", "edge", "face")
 
 
@@ -50,7 +50,7 @@ class Solid(Section):
 
     @property
     def minkowski(self) -> MinkowskiSum:
-        """The solid as a Minkowski sum, which says with which points it may touch, and how far it reaches."""
+        """The solid as a Minkowski sum, which gives its possible contact points and its extent."""
         raise NotImplementedError
 
     @property
@@ -64,12 +64,12 @@ class Solid(Section):
 
     @property
     def corners(self) -> np.ndarray:
-        """Corners (3, k) in m of the sharp solid; a smooth one has none."""
+        """Corners (3, k) in m of the solid with sharp edges; a smooth solid has none."""
         return np.empty((3, 0))
 
     @property
     def faces(self) -> np.ndarray:
-        """Unit normals (k, 3) of the flat faces; of a primitive its axes, both ways."""
+        """Unit normals (k, 3) of the flat faces; for a primitive, its axes in both directions."""
         return np.concatenate([np.eye(3), -np.eye(3)])
 
     def scaled(self, factor: float) -> "Solid":
@@ -144,13 +144,13 @@ class Edged(Solid):
     edge_radius: Annotated[float, Field(ge=0, allow_inf_nan=False)] = Field(0.0, description="m, of all edges")
 
     def rounded(self, edge_radius: float) -> "Edged":
-        """The same solid with edges of another radius in m, within the same measures."""
+        """The same solid with another edge radius in m, within the same outer dimensions."""
         return type(self)(**{**self.model_dump(), "edge_radius": edge_radius})
 
     @model_validator(mode="after")
     def _has_room_for_its_edges(self) -> "Edged":
         if self.edge_radius and self.edge_radius > self.inradius:
-            raise ValueError(f"edge_radius is larger than the solid allows, which is {self.inradius:.4g} m")
+            raise ValueError(f"edge_radius is larger than the solid allows, at most {self.inradius:.4g} m")
         return self
 
     @property
@@ -209,7 +209,7 @@ class Cylinder(Edged):
 
 
 class Hull(Edged):
-    """Convex hull of vertices; points inside it change nothing."""
+    """Convex hull of vertices; points inside it have no effect."""
 
     kind: Literal["hull"] = "hull"
     vertices: Annotated[tuple[tuple[Coordinate, Coordinate, Coordinate], ...], Field(min_length=4)] = Field(
@@ -218,8 +218,8 @@ class Hull(Edged):
 
     @cached_property
     def _hull(self):
-        """The hull by qhull; `equations` (f, 4) are unit normals that point out, and offsets, of its triangles."""
-        from scipy.spatial import ConvexHull, QhullError  # half a second, which planar data do not need
+        """The hull by qhull; `equations` (f, 4) are outward unit normals, and offsets, of its triangles."""
+        from scipy.spatial import ConvexHull, QhullError  # takes half a second, not needed for planar data
 
         points = np.array(self.vertices)
         if np.ptp(points, axis=0).min() == 0.0:
@@ -231,7 +231,7 @@ class Hull(Edged):
 
     @cached_property
     def _planes(self) -> np.ndarray:
-        """Planes (f, 4) of the faces, each once: unit normal that points out, and offset."""
+        """Planes (f, 4) of the faces, each once: outward unit normal, and offset."""
         return _distinct(self._hull.equations)
 
     @property
@@ -262,7 +262,7 @@ class Hull(Edged):
 
     @cached_property
     def _inner(self) -> np.ndarray:
-        """Corners (3, k) in m of the hull that is moved in by the edge radius: its faces, each moved by ρ."""
+        """Corners (3, k) in m of the inner hull, whose faces are moved inwards by the edge radius ρ."""
         if not self.edge_radius:
             return self.corners
         from scipy.spatial import HalfspaceIntersection
@@ -294,14 +294,14 @@ class Hull(Edged):
 
 
 class Recentred(Solid):
-    """A solid whose origin is another point of the body, as its centre of mass."""
+    """A solid whose origin is another point of the body, such as its centre of mass."""
 
     kind: Literal["recentred"] = "recentred"
     solid: Solid
     origin: tuple[Coordinate, Coordinate, Coordinate] = Field(description="m, in the frame of the solid")
 
     def rounded(self, edge_radius: float) -> "Recentred":
-        """The same solid with edges of another radius in m; AttributeError if it has no edges."""
+        """The same solid with another edge radius in m; AttributeError if it has no edges."""
         return Recentred(solid=self.solid.rounded(edge_radius), origin=self.origin)  # pyright: ignore[reportAttributeAccessIssue]
 
     @cached_property
@@ -320,7 +320,7 @@ class Recentred(Solid):
 
     @property
     def extent(self) -> float:
-        """At most so far in m does a point of the solid lie from the origin."""
+        """Upper bound in m on the distance of a point of the solid from the origin."""
         if self.corners.size:
             return float(np.linalg.norm(self.corners, axis=0).max())
         return self.solid.extent + float(np.linalg.norm(self.origin))
@@ -355,7 +355,7 @@ def _central(volume: float, principal: np.ndarray) -> Moments:
 
 
 def _ends(half_length: float) -> np.ndarray:
-    """The points (3, 2) on the z axis at both ends of what is centred."""
+    """The points (3, 2) on the z axis at both ends of a centred solid."""
     return half_length * np.array([[0.0, 0.0], [0.0, 0.0], [1.0, -1.0]])
 
 

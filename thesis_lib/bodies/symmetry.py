@@ -1,4 +1,4 @@
-"""Which turns leave a solid body as it is: shape, centre of mass and inertia."""
+"""Rotations that leave a solid body unchanged: its shape, centre of mass and inertia."""
 
 import itertools
 from dataclasses import dataclass
@@ -8,15 +8,15 @@ import numpy as np
 
 from thesis_lib.bodies.solids import Solid
 
-SAME = 1e-3  # of the extent, and of the inertia
-TILT = 0.02  # rad, by which a standing body is tilted to see that its centre rises
+SAME = 1e-3  # tolerance, as a share of the extent, and of the inertia
+TILT = 0.02  # rad, by which a standing body is tilted to check that its centre of mass rises
 LEVEL = 1e-9  # m
 SOME = np.random.default_rng(0).standard_normal((3, 60))  # directions in which solids are compared
 
 
 @dataclass(frozen=True, eq=False)
 class Symmetry:
-    """Turns about axes of the shape, by right angles and by any angle, after which a body is as it was.
+    """Rotations about axes of the shape, by right angles and by any angle, that leave a body unchanged.
 
     Attributes:
         solid: with its origin at the centre of mass.
@@ -27,7 +27,7 @@ class Symmetry:
     G: np.ndarray
 
     def keeps(self, Q: np.ndarray) -> bool:
-        """Whether the body is the same after the turn Q (3, 3)."""
+        """Whether the body is the same after the rotation Q (3, 3)."""
         off = np.abs(Q @ self.solid.support(Q.T @ SOME) - self.solid.support(SOME)).max()
         return bool(
             off < SAME * self.solid.extent and np.abs(Q @ self.G @ Q.T - self.G).max() < SAME * np.trace(self.G)
@@ -35,7 +35,7 @@ class Symmetry:
 
     @cached_property
     def turns(self) -> list[np.ndarray]:
-        """Rotations (3, 3) by right angles, the identity first."""
+        """Rotations (3, 3) by right angles that keep the body, the identity first."""
         signed = (
             np.eye(3)[list(order)] * np.array(signs)[:, None]
             for order in itertools.permutations(range(3))
@@ -45,14 +45,14 @@ class Symmetry:
 
     @cached_property
     def axes(self) -> list[int]:
-        """Axes 0, 1, 2 of the shape about which every turn keeps the body; three of a ball."""
+        """Axes 0, 1, 2 of the shape about which every rotation keeps the body; all three for a ball."""
         return [axis for axis in range(3) if self.keeps(turn_about(axis, 1.0))]
 
     @cached_property
     def stands(self) -> np.ndarray:
-        """Directions (k, 3) that are up, in axes of the body, where it stands: least heights of its centre of mass.
+        """Upward directions (k, 3), in axes of the body, in its stable poses: least heights of its centre of mass.
 
-        Of a body with an axis of symmetry one stands for all about that axis.
+        For a body with an axis of symmetry, one direction represents all about that axis.
         """
 
         def height(up: np.ndarray) -> np.ndarray:
@@ -69,9 +69,9 @@ class Symmetry:
         return -self.solid.faces[least]
 
     def leaning(self, up: np.ndarray) -> np.ndarray:
-        """Turns (m, 3) in rad, axes of the body, that take unit vectors `up` (m, 3) to the nearest of these directions.
+        """Rotation vectors (m, 3) in rad, axes of the body, from unit vectors `up` (m, 3) to the nearest of `stands`.
 
-        None of a ball.
+        Zero for a ball.
         """
         if len(self.axes) == 3:
             return np.zeros_like(up)
@@ -81,7 +81,7 @@ class Symmetry:
         return across * (np.arctan2(sine, cosine) / np.maximum(sine, 1e-12))[:, None]
 
     def nearest_stand(self, up: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Number (m,) and direction (m, 3) of the stand that is nearest to unit vectors `up` (m, 3)."""
+        """Index (m,) into `stands`, and direction (m, 3), of the stable pose nearest to unit vectors `up` (m, 3)."""
         stands = np.broadcast_to(self.stands, (len(up), *self.stands.shape))
         for axis in self.axes:
             w = np.eye(3)[axis]
@@ -93,7 +93,7 @@ class Symmetry:
         return number, stands[np.arange(len(up)), number]
 
     def nearest(self, R: np.ndarray, to: np.ndarray) -> np.ndarray:
-        """Of all attitudes Q R (3, 3) that are the same for this body, the one that is nearest to another."""
+        """Of all attitudes Q R (3, 3) that are equivalent for this body, the one nearest to the attitude `to`."""
         if len(self.axes) == 3:
             return to
         equal = [Q @ R for Q in self.turns]
@@ -106,7 +106,7 @@ class Symmetry:
 
 
 def turn_about(axis: int, angle: float) -> np.ndarray:
-    """The turn (3, 3) by `angle` in rad about an axis 0, 1 or 2."""
+    """Rotation matrix (3, 3) for `angle` in rad about an axis 0, 1 or 2."""
     i, j = (axis + 1) % 3, (axis + 2) % 3
     Q = np.eye(3)
     Q[[i, i, j, j], [i, j, i, j]] = np.cos(angle), -np.sin(angle), np.sin(angle), np.cos(angle)

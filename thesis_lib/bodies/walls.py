@@ -1,12 +1,12 @@
-"""Straight walls around a motion in a plane, and the frame of a wall, in which it is a floor.
+"""Straight walls around a motion in a plane, and the frame of a wall, in which the wall is a floor.
 
-A wall is the line through `point` across `normal`; the body moves on the side to which the normal n points.  Turned by
-−α, the angle of n from the direction +y, the wall is level and the body above it:
+A wall is the line through `point` across `normal`; the body moves on the side to which the normal n points.  Rotated by
+−α, with α the angle of n from the direction +y, the wall is level and the body above it:
 
     t = (n_y, −n_x),    q ← ((p − point)·t, (p − point)·n, θ − α),    v ← (v·t, v·n, ω)
 
-Whatever is known of a floor then holds for the wall, but for gravity, which pulls along −g (sin α, cos α).  x is then
-the place along the wall from its `point`; which wall it is stands beside the pose, as the number of the surface.
+All relations for a floor then hold for the wall, except that gravity acts along −g (sin α, cos α).  x is the position
+along the wall from its `point`; the number of the wall is kept beside the pose, as the number of the surface.
 
 | on paper | in code | unit | shape  |                                                        |
 |----------|---------|------|--------|--------------------------------------------------------|
@@ -26,7 +26,7 @@ from thesis_lib.foundation.settings import Section
 
 FARTHEST = 40.0  # m from the origin to a point of a surface; no rig is larger
 SurfaceName = Annotated[str, Field(pattern="^[a-z][a-z0-9_]{0,19}$", description="lower-case letters, digits and _")]
-OUT_OF_REACH = 1e3  # m, beyond every gap: a wall that cannot have pushed the body
+OUT_OF_REACH = 1e3  # m, more than any gap: added for a wall that cannot have pushed the body
 MOST = 50
 
 
@@ -54,7 +54,7 @@ class Wall(Section):
 
     @property
     def angle(self) -> float:
-        """α in rad, by which the wall is turned from a floor, counter-clockwise."""
+        """α in rad, by which the wall is rotated from a floor, counter-clockwise."""
         return math.atan2(-self.normal[0], self.normal[1])
 
 
@@ -65,7 +65,7 @@ def gaps(walls: Sequence[Wall], shape: Shape, q: np.ndarray) -> np.ndarray:
 
 
 def gap_slopes(walls: Sequence[Wall], shape: Shape, q: np.ndarray, wall: np.ndarray) -> np.ndarray:
-    """J_n (n, 3): derivative of the gap to wall `wall` (n,) by x, y and θ."""
+    """J_n (n, 3): derivative of the gap to wall `wall` (n,) with respect to x, y and θ."""
     J = np.zeros((len(q), 3))
     for i, one in enumerate(walls):
         rows = np.flatnonzero(wall == i)
@@ -76,7 +76,7 @@ def gap_slopes(walls: Sequence[Wall], shape: Shape, q: np.ndarray, wall: np.ndar
 def struck_wall(walls: Sequence[Wall], shape: Shape, q: np.ndarray, dv: np.ndarray) -> np.ndarray:
     """Number (n,) of the wall that was hit at poses q (n, 3), with the velocity change dv (n, 3).
 
-    That is the nearest of those that push the body the way it went.
+    It is the nearest of the walls that push the body in the direction of the velocity change.
     """
     apart = np.abs(gaps(walls, shape, q))
     pushes = dv[:, :2] @ np.stack([wall.n for wall in walls], axis=1) > 0.0
@@ -84,7 +84,7 @@ def struck_wall(walls: Sequence[Wall], shape: Shape, q: np.ndarray, dv: np.ndarr
 
 
 def turns(walls: Sequence[Wall], wall: np.ndarray) -> np.ndarray:
-    """Matrices R (n, 3, 3) that turn a velocity into the frame of wall `wall` (n,): R v = (v·t, v·n, ω)."""
+    """Matrices R (n, 3, 3) that rotate a velocity into the frame of wall `wall` (n,): R v = (v·t, v·n, ω)."""
     R = np.tile(np.eye(3), (len(wall), 1, 1))
     normal = np.stack([one.n for one in walls])[wall]
     R[:, 0, 0], R[:, 0, 1] = normal[:, 1], -normal[:, 0]

@@ -6,7 +6,7 @@
 The least squares of eq. 3.7 needs a weighting of Δω against Δv, which the thesis does not state:
 
     "kinetic"      k Δω counts like Δv: c = M_C J Δv, invariant under a change of units; the default here;
-    "unweighted"   Δω in rad/s counts like Δv in m/s: what the authors stored with their data ("p_true").
+    "unweighted"   Δω in rad/s counts like Δv in m/s: used for the impulses in the authors' data ("p_true").
 
 In the velocity metric the misfit is √((c − c_irb)ᵀ M_C⁻¹ (c − c_irb)/m + e²), with kinetic c_irb and e the part of Δv
 that no impulse through the contact point can give.  Both metrics need the impulse only.
@@ -86,7 +86,7 @@ def misfit_of_impulse(
     d_t, d_n = c_t - target.c_t, c_n - target.c_n
     if metric == "impulse":
         return np.sqrt(d_t * d_t + d_n * d_n)
-    space = target.space  # only a kinetic target makes this the velocity error
+    space = target.space  # equals the velocity error only for kinetic weighting
     form = d_t * (space.K_tt * d_t + 2.0 * space.K_tn * d_n) + d_n * (space.K_nn * d_n)
     return np.sqrt(form / target.mass + target.unreachable**2)
 

@@ -16,7 +16,7 @@ from thesis_lib.contact.law import Law
 from thesis_lib.statistics.bootstrap import draw_counts
 
 MU_MAX = 1.0  # our choice: three times the friction of an inclined-plane test; a fit that ends here is reported
-GRID = 21  # points a side
+GRID = 21  # points per side
 CELLS = 5_000_000  # of the table in memory at a time: 40 MB
 TOLERANCE = 1e-6  # width of the final box in μ and ε: far below any standard error
 
@@ -53,7 +53,7 @@ def fit_ensemble(
 
     `trials` (n,), the trial of each impact, is the unit of the bootstrap; without it, each impact by itself.  The
     search ends in a box as wide as `tolerance`.
-    ValueError: no impacts, or a bootstrap without rng.
+    Raises a ValueError without impacts, or for a bootstrap without rng.
     """
     n = len(target)
     if n == 0:
@@ -77,7 +77,7 @@ def fit_ensemble(
 def _zoom(
     law: Law, target: MeasuredImpulses, metric: Metric, weights: np.ndarray, tolerance: float = TOLERANCE
 ) -> tuple[np.ndarray, float, int]:
-    """Minimum of each column of weighted costs: best points (B, 2), the first's mean cost, failures."""
+    """Minima of the costs for each column of `weights`: best points (B, 2); mean cost and failures of the first."""
     low, high = np.zeros(2), np.array([MU_MAX, 1.0])
     limits = low.copy(), high.copy()
     for _ in range(30):
@@ -101,7 +101,7 @@ def _costs(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Weighted misfits (G, B) at the points mu, epsilon (G,), and numbers (G,) of impacts without a solution.
 
-    These get the largest misfit, so that they do not reward a parameter.
+    Such impacts get the largest misfit, so that a failure does not favour a parameter.
     """
     costs, failures, missing, worst = [], [], [], 0.0
     rows = max(1, CELLS // len(target))

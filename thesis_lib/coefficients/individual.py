@@ -1,10 +1,10 @@
-"""Best parameters (μ_i, ε_i) of every single impact (thesis section 3.4, equations 3.8 and 3.9).
+"""Best parameters (μ_i, ε_i) for every single impact (thesis section 3.4, equations 3.8 and 3.9).
 
     (μ*, ε*) = argmin ‖c_irb − Model(μ, ε)‖   subject to   0 ≤ μ ≤ μ_s, 0 ≤ ε ≤ 1
 
 μ_s is the friction coefficient above which the predicted impulse no longer changes (sticking), found by bisection (to
 the share `STUCK` of the impulse); μ is unobservable above it.  Below it AP Poisson, Mirtich and Wang-Mason reach some
-impulses with two pairs (μ, ε); of equally good pairs the one with lower μ is taken.
+impulses with two pairs (μ, ε); of equally good pairs the pair with the lower μ is taken.
 
 The misfit has kinks where slip ends, narrow slanted valleys near them and often several minima.  The search treats all
 impacts at once:
@@ -32,7 +32,7 @@ COARSE = (65, 33)  # points in μ and ε of the first profile; with half of each
 DENSE = (33, 9)  # points of the second profile, over two gaps of the first in μ and six in ε
 STARTS = 2  # minima of the first profile that are followed
 SAME = 1e-9  # of the misfit of zero impulse: smaller differences are rounding
-FINE = 5  # points a side of the pattern, whose size halves
+FINE = 5  # points per side of the pattern, whose size halves
 ROUNDS = 20  # leaves a pattern of 1e-9 in μ
 STEPS = np.array([1.0, 0.5, 0.1])[:, None]  # shares of the linearised step to try, as the model has kinks
 
@@ -48,7 +48,7 @@ class IndividualFit:
 
 
 def fit_individual(law: Law, target: MeasuredImpulses, metric: Metric) -> IndividualFit:
-    """Fit each impact; an impact without a solution of the law gets NaN."""
+    """Fit (μ, ε) to each impact; an impact without a solution of the law gets NaN."""
     n = len(target)
     mu, epsilon, error = np.empty((STARTS, n)), np.empty((STARTS, n)), np.empty((STARTS, n))
     with np.errstate(all="ignore"):  # NaN marks impacts without a solution and loses every comparison
@@ -70,7 +70,7 @@ def fit_individual(law: Law, target: MeasuredImpulses, metric: Metric) -> Indivi
 
 
 def _blocks(n: int, each: int) -> list[slice]:
-    """Rows in blocks for which arrays of `each` values an impact fit the cache."""
+    """Rows in blocks for which arrays of `each` values per impact fit the cache."""
     width = max(1, BLOCK // each)
     return [slice(start, start + width) for start in range(0, n, width)]
 
@@ -78,7 +78,7 @@ def _blocks(n: int, each: int) -> list[slice]:
 def _profile(
     law: Law, target: MeasuredImpulses, metric: Metric, mu: np.ndarray, epsilon: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Least error over ε and its ε, (I, n) each, for grids mu (I, n or 1) and epsilon (J, n or 1)."""
+    """Least error over ε and the ε that gives it, (I, n) each, for grids mu (I, n or 1) and epsilon (J, n or 1)."""
     shape = (len(mu), len(epsilon), len(target))
     c_t, c_n = (np.broadcast_to(a, shape) for a in law.impulse(target.space, mu[:, None], epsilon[None]))
     chord_t, chord_n = np.diff(c_t, axis=1), np.diff(c_n, axis=1)
@@ -101,7 +101,7 @@ def _profile(
 
 
 def _starts(law: Law, target: MeasuredImpulses, metric: Metric) -> tuple[np.ndarray, np.ndarray]:
-    """(μ, ε), (STARTS, n) each: the lowest minima over μ of the coarse profile; missing ones are filled with any."""
+    """(μ, ε), (STARTS, n) each: the lowest minima over μ of the coarse profile; missing ones are arbitrary."""
     mu = MU_MAX * np.linspace(0.0, 1.0, COARSE[0])[:, None] ** 2
     epsilon = np.linspace(0.0, 1.0, COARSE[1])[:, None]
     error, epsilon = _profile(law, target, metric, mu, epsilon)
@@ -171,7 +171,7 @@ def _round(
 
 
 def sticking_bound(law: Law, target: MeasuredImpulses, epsilon: np.ndarray) -> np.ndarray:
-    """μ_s (n,): lowest μ from which the impulse equals that at `MU_MAX` up to the share `STUCK`."""
+    """μ_s (n,): lowest μ from which the impulse equals that at `MU_MAX` to within the share `STUCK`."""
     space = target.space
     with np.errstate(all="ignore"):
         final = law.impulse(space, np.full(len(target), MU_MAX), epsilon)

@@ -1,1 +1,1 @@
-"""The command line: what each command of `thesis_lib COMMAND` does."""
+"""Command line: the commands of `thesis-lib COMMAND`."""

@@ -1,7 +1,7 @@
-"""Critique of many datasets, each in its own process, so that a bad one does not stop the others (see `isolated`).
+"""Critique of many datasets, each in its own process, so that a bad dataset does not stop the others (see `isolated`).
 
-OUT/<dataset>/ holds what a critique alone writes, byte for byte; OUT/<dataset>.log the output meanwhile, and the
-traceback of a crash; index.html, batch.csv and batch.json list all datasets, and why some failed.
+OUT/<dataset>/ holds the files of a single critique, byte for byte; OUT/<dataset>.log holds its output and the traceback
+of a crash; index.html, batch.csv and batch.json list all datasets, and the reasons of failures.
 
 A batch resumes where it stopped.  OUT/.batch/<dataset>.json holds the checksums of data, settings, code and files of a
 finished critique; a dataset is skipped only if none of them has changed.
@@ -49,7 +49,7 @@ class Batch:
     """Result of a batch.
 
     `rows` (see `batch_index`) are in the order of the datasets, `finished` in the order in which the critiques ended;
-    `skipped` names the datasets that were already done.
+    `skipped` lists the names of the datasets that were already finished.
     """
 
     rows: list[dict]
@@ -63,9 +63,9 @@ class Batch:
 
 
 def find_datasets(paths: Sequence[str | Path]) -> tuple[list[Path], list[Path]]:
-    """Dataset folders among `paths` and directly below them, and the other folders beside those found below.
+    """Dataset folders among `paths` and directly below them, and the other folders next to datasets found below.
 
-    A path where nothing looks like a dataset counts as one, so that reading it reports what is wrong.
+    A path without anything like a dataset counts as a dataset, so that reading it reports the error.
     """
     datasets, others = [], []
     for path in map(Path, paths):
@@ -86,9 +86,9 @@ def criticise_folder(
     files: Sequence[str] = (),
     additions: Sequence[Mapping[str, str]] = (),
 ) -> dict:
-    """Criticise one dataset; runs in its own process, which loads effects of one's own anew.
+    """Criticise one dataset in its own process, which loads user-defined effects again.
 
-    UserError if they are not the `additions` of the batch any more.
+    UserError if these differ from the `additions` of the batch.
     """
 
     if additions and load(files, say=print) != list(additions):
@@ -112,15 +112,15 @@ def run_batch(
     say: Callable[[str], None] = lambda text: None,
     work: Callable[..., dict] = criticise_folder,
 ) -> Batch:
-    """Criticise many datasets (folders), and write an index of them into `out`, also when interrupted.
+    """Criticise many datasets (folders), and write an index of them into `out`, even if interrupted.
 
     Args:
         seed, effects: as for one dataset (`criticise`).
-        files, additions: Python files with effects of one's own, loaded already, and what is added to the library.
-        jobs: datasets at a time.
+        files, additions: loaded Python files with user-defined effects, and the list of additions to the library.
+        jobs: number of datasets processed at a time.
         time_limit, memory_limit: s of wall time and bytes of resident memory per dataset; None for no limit.
         say: called with a line for each dataset that ends.
-        work: run for each dataset; takes the arguments of `criticise_folder`.
+        work: function called for each dataset with the arguments of `criticise_folder`.
 
     UserError if names collide, an effect is unknown, or another batch writes into `out`.
     """
@@ -130,13 +130,13 @@ def run_batch(
     named = _names(paths, out)
     with _only_one(out):
         of_ones_own = (tuple(files), tuple(additions)) if additions else ()
-        code = lib_hash(run.__file__)  # of the modules that a critique runs
+        code = lib_hash(run.__file__)  # covers all modules that a critique runs
         settings = {"seed": seed, "effects": effects and list(effects), "code": code, "additions": list(additions)}
         keys = {name: _key(Path(os.path.realpath(path)), settings) for name, path in named.items()}
         skipped = [name for name in named if _is_done(out, name, keys[name])]
         rows = {name: _row(out, name) for name in skipped}
         if skipped:
-            say(f"{len(skipped)} of {len(named)} are done already, with the same data and settings")
+            say(f"{len(skipped)} of {len(named)} datasets are done already, with the same data and settings")
         tasks = [
             Task(name, (str(path), str(out / name), seed, effects, *of_ones_own), out / f"{name}.log")
             for name, path in named.items()
@@ -159,7 +159,7 @@ def run_batch(
 
 
 def batch_text(batch: Batch, out: Path) -> str:
-    """Number of datasets with each verdict, reasons of failures, and where to look."""
+    """Summary of a batch: number of datasets with each verdict, reasons of failures, and output paths."""
     lines = [batch_index.summary_text(batch.rows, len(batch.rows))]
     if batch.skipped:
         lines.append(f"  {len(batch.skipped)} of them were done already")
@@ -170,12 +170,12 @@ def batch_text(batch: Batch, out: Path) -> str:
 
 
 def _closed(out: Path, outcome: ProcessResult, key: str | None) -> dict:
-    """The row of a dataset that has just ended; marks it as done if it has a verdict."""
+    """Row of a dataset that has just ended; the dataset is marked as done if it has a verdict."""
     if outcome.failure is not None:
         return batch_index.row_of_failure(outcome.name, outcome.failure)
     row = _row(out, outcome.name)
     if row["status"] == "done" and key is not None:
-        with contextlib.suppress(OSError):  # without the mark it is criticised again
+        with contextlib.suppress(OSError):  # without the mark the dataset is criticised again
             write_json({"key": key, "files": _written(out / outcome.name)}, out / STATE / f"{outcome.name}.json")
     return row
 
@@ -188,7 +188,7 @@ def _row(out: Path, name: str) -> dict:
 
 
 def _progress(row: Mapping, count: int, total: int, outcome: ProcessResult, spent: float, ended: int) -> str:
-    """[ 3/100] my_drops: effects (com_offset), 21 s; about 12 min left"""
+    """Progress line such as "[  3/100] my_drops: effects (com_offset), 21 s; about 12 min left"."""
     what = f"FAILED: {row['reason']}" if row["status"] == "failed" else row["verdict"] or batch_index.NO_VERDICT
     named = f" ({row['effects']})" if row["effects"] else ""
     rest = "" if count == total else f"; about {duration((total - count) * spent / ended)} left"
@@ -197,17 +197,17 @@ def _progress(row: Mapping, count: int, total: int, outcome: ProcessResult, spen
 
 
 def _names(paths: Sequence[str | Path], out: Path) -> dict[str, Path]:
-    """Folders by name; UserError if a name is repeated or cannot be used, or if a dataset would be overwritten."""
+    """Dataset folders by name; UserError if a name is repeated or unusable, or if a dataset would be overwritten."""
     named: dict[str, Path] = {}
     for path in map(Path, paths):
-        name = Path(os.path.realpath(path)).name  # unlike Path.resolve it survives a loop of links
+        name = Path(os.path.realpath(path)).name  # unlike Path.resolve, realpath survives a loop of links
         if name in named:
             raise UserError(
-                f"Two datasets are called {name}: {named[name]} and {path}. Their results would be written over each "
-                "other; rename one of the folders, or run two batches with different -o."
+                f"Two datasets are called {name}: {named[name]} and {path}. Their results would overwrite each other; "
+                "rename one of the folders, or run two batches with different -o."
             )
         if os.path.realpath(out / name) == os.path.realpath(path):
-            raise UserError(f"-o {out} is the folder that the datasets are in; choose another one.")
+            raise UserError(f"-o {out} is the folder that contains the datasets; choose another folder.")
         named[name] = path
     taken = {STATE, *batch_index.INDEX_FILES, *(f"{name}.log" for name in named)}
     for name in named:
@@ -220,7 +220,7 @@ def _names(paths: Sequence[str | Path], out: Path) -> dict[str, Path]:
 
 @contextlib.contextmanager
 def _only_one(out: Path) -> Iterator[None]:
-    """Lock the folder; the kernel releases the lock when this process ends, however it ends."""
+    """Lock the output folder; the kernel releases the lock when this process ends, however it ends."""
     (out / STATE).mkdir(parents=True, exist_ok=True)
     with (out / STATE / "lock").open("w") as stream:
         try:
@@ -231,7 +231,7 @@ def _only_one(out: Path) -> Iterator[None]:
 
 
 def _key(path: Path, settings: Mapping[str, object]) -> str | None:
-    """Checksum of all that a critique depends on; None if the data cannot be read or are too large."""
+    """Checksum of all inputs of a critique; None if the data cannot be read or are too large."""
     inputs = {**settings, "name": path.name}
     try:
         for file in (path / name for name in INPUTS):
@@ -244,13 +244,13 @@ def _key(path: Path, settings: Mapping[str, object]) -> str | None:
 
 
 def _written(folder: Path) -> dict[str, str]:
-    """Checksums of the files of a critique that are moved in last; OSError if one is missing."""
+    """Checksums of the files that a critique moves into its folder last; OSError if one is missing."""
     wanted = [name for name in LAST if name != MODEL_FILE or (folder / name).exists()]
     return {name: file_sha256(folder / name) for name in wanted}
 
 
 def _is_done(out: Path, name: str, key: str | None) -> bool:
-    """Whether a whole critique of the same data, settings and code is there, with no file changed since."""
+    """Whether there is a complete critique of the same data, settings and code, with no file changed since."""
     try:
         mark = read_json(out / STATE / f"{name}.json")
         return key is not None and mark == {"key": key, "files": _written(out / name)}

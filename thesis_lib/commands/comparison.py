@@ -1,7 +1,7 @@
 """Two critiques side by side: verdicts, errors, and parameters with their difference in standard errors.
 
-Each is shown with its own law and effects; where these differ, also both with the same law and without effects.
-Errors have 95 % intervals; the standard error of their difference assumes that the two share no trials.
+Each critique is shown with its own law and effects; if these differ, both are also shown with the same law and without
+effects.  Errors have 95 % intervals; the standard error of their difference assumes that the two share no trials.
 
 Only diagnosis.json is read, so that runs before and after a repair of the rig can be compared a year later.
 """
@@ -18,20 +18,20 @@ from thesis_lib.report.critique.folder import VERDICT_FILE, is_unfinished
 from thesis_lib.statistics.intervals import Z95
 
 FAR = 3.0  # standard errors beyond which a difference is pointed out
-ALONE = " alone"  # marks rows of one law without effects, in both runs
+ALONE = " alone"  # marks rows of a law without effects in both runs
 COLUMNS = ("quantity", "a", "a_low", "a_high", "b", "b_low", "b_high", "difference", "sigmas", "unit")
 
 
 def is_run(path: str | Path) -> bool:
-    """Whether a folder was written by a critique, even an interrupted one, rather than holding a dataset."""
+    """Whether a folder was written by a critique, even an interrupted one, and is not a dataset."""
     if any((Path(path) / name).exists() for name in ("dataset.yaml", "recording.yaml")):
         return False
     return (Path(path) / VERDICT_FILE).is_file() or is_unfinished(path)
 
 
 def read_run(path: str | Path) -> dict:
-    """The diagnosis in a critique's folder; UserError if the run was interrupted or the format is another."""
-    again, file = "run python -m thesis_lib critique again.", Path(path) / VERDICT_FILE
+    """Diagnosis in a critique's folder; UserError if the run was interrupted or the format differs."""
+    again, file = "run thesis-lib critique again.", Path(path) / VERDICT_FILE
     if is_unfinished(path):
         raise UserError(f"{path} holds an unfinished run (it has no {VERDICT_FILE}); {again}")
     content = read_json(file)
@@ -45,15 +45,15 @@ def read_run(path: str | Path) -> dict:
 
 
 def compare(a: Mapping, b: Mapping) -> pd.DataFrame:
-    """Two diagnoses, row by row; a quantity that only one of them has is empty in the other.
+    """Comparison of two diagnoses, row by row; a quantity that only one of them has is empty for the other.
 
     The first rows compare each with its own law and effects.  If these differ, rows `<law> alone, …` follow for every
-    law that either chose, without effects in both.  μ and ε mean different things in different laws, so their
+    law that either selected, without effects in both.  μ and ε mean different things in different laws, so their
     difference is given only within one law.  UserError if drops are compared with a mechanism.
 
     Returns:
-        Columns quantity, a, b with the ends of their 95 % intervals, difference (b − a), sigmas (difference over its
-        standard error), unit.
+        Table with columns quantity, a, b with the ends of their 95 % intervals, difference (b − a), sigmas (difference
+        over its standard error), unit.
     """
     if (kinds := [content.get("mechanism", "drops") for content in (a, b)])[0] != kinds[1]:
         raise UserError(f"A critique of {kinds[0]} cannot be compared with one of {kinds[1]}.")
@@ -81,7 +81,7 @@ def compare(a: Mapping, b: Mapping) -> pd.DataFrame:
 
 
 def comparison_text(table: pd.DataFrame, a: str, b: str) -> str:
-    """The table for a terminal, followed by the differences in plain words."""
+    """Text of the table for a terminal, followed by sentences on the differences."""
     cells = [["", a, b, "difference", "in std errors"]]
     for row in table.to_dict("records"):
         unit = "" if row["unit"] in ("", "1") else f" ({row['unit']})"
@@ -96,30 +96,30 @@ def comparison_text(table: pd.DataFrame, a: str, b: str) -> str:
     which, pair = ("The base laws", law) if law[0] != law[1] else ("With the effects the laws", then)
     if pair[0] != pair[1]:
         rows = " and ".join(f"“{name}{ALONE}”" for name in dict.fromkeys(law))
-        like = f"; like is compared with like in the rows {rows}" if alone else ""
+        like = f"; the same law is compared in the rows {rows}" if alone else ""
         lines.append(
             f"{which} differ: {a} has {pair[0]}, {b} has {pair[1]}. μ and ε of different laws mean different "
             f"things{like}."
         )
     if effects[0] != effects[1]:
-        same = f"; the rows “…{ALONE}” hold the same law without effects in both" if alone else ""
+        same = f"; the rows “…{ALONE}” compare the same law without effects" if alone else ""
         lines.append(
-            f"The effects differ: {a} has {effects[0]}, {b} has {effects[1]}. A parameter can move because an effect "
-            f"came or went{same}."
+            f"The effects differ: {a} has {effects[0]}, {b} has {effects[1]}. A parameter can change because an effect "
+            f"was added or removed{same}."
         )
     sigmas = pd.to_numeric(table["sigmas"]).abs()
     far = table.loc[sigmas > FAR, "quantity"].tolist()
     if far:
         lines.append(f"Different by more than {FAR:g} standard errors: {'; '.join(far)}.")
     elif sigmas.notna().any():
-        lines.append(f"No error and no parameter that both have differs by more than {FAR:g} standard errors.")
+        lines.append(f"No error and no common parameter differs by more than {FAR:g} standard errors.")
     else:
         lines.append("No error and no parameter can be compared.")
     return "\n".join(lines)
 
 
 def _alone(law: str, a: Mapping, b: Mapping) -> list[dict]:
-    """Rows of a law without effects in both; none if a run holds only its chosen law."""
+    """Rows of a law without effects in both runs; empty if a run contains only its selected law."""
     in_a, in_b = (content.get("laws", {}).get(law) for content in (a, b))
     if in_a is None or in_b is None:
         return []
@@ -161,7 +161,7 @@ def _text(quantity: str, a: str, b: str) -> dict:
 
 
 def _measured(quantity: str, a: float | None, b: float | None, unit: str, *ends: Sequence[float] | None) -> dict:
-    """A row of two numbers, with the `ends` of their 95 % intervals if known."""
+    """Row of two numbers, with the `ends` of their 95 % intervals if known."""
     row: dict = dict.fromkeys(COLUMNS) | {"quantity": quantity, "a": a, "b": b, "unit": unit}
     for run, of_run in zip("ab", ends):
         if of_run and None not in of_run:

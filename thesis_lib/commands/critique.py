@@ -1,4 +1,4 @@
-"""`python -m thesis_lib critique`: one dataset or recording, two side by side, or many."""
+"""`thesis-lib critique`: one dataset or recording, two side by side, or many."""
 
 import argparse
 import json
@@ -14,7 +14,7 @@ from thesis_lib.foundation.errors import UserError
 from thesis_lib.foundation.forked import MOST, cores, sharing
 from thesis_lib.foundation.progress import Progress
 
-STAGES = {  # share of the time that had passed by then, on the example of the README
+STAGES = {  # share of the run time that has passed when a stage begins, for the example of the README
     "fitting": 0.06,
     "step 1: trying": 0.09,
     "step 2: trying": 0.35,
@@ -23,96 +23,96 @@ STAGES = {  # share of the time that had passed by then, on the example of the R
     "writing": 0.57,
 }
 DESCRIPTION = """\
-Fit all impact laws to a dataset, see where the best one fails, name the physical effects that are missing, and add
-them. Effects are chosen on 70 % of the trials; every error reported is for the other 30 %. 300 drops take half a
-minute. The recording of a mechanism (an arm that pushes a disk, a rimless wheel) is criticised likewise: which force is
-missing from its believed equations of motion.
+Fit all impact laws to a dataset, find where the best law fails, identify the missing physical effects, and add them.
+Effects are selected on 70 % of the trials; all reported errors are for the other 30 %. 300 drops take half a minute.
+For the recording of a mechanism (an arm that pushes a disk, a rimless wheel), the critique identifies the force that
+is missing from the assumed equations of motion.
 
 Fewer than 30 usable impacts in 10 trials give restitution with its standard error, and friction, but no verdict.
 
-  one PATH              a dataset of drops, or a recording: what its model misses
+  one PATH              a dataset of drops, or a recording: find the deficits of its model
   two PATHs             two datasets, or two folders that a critique wrote, side by side
-  --batch PATH...       each dataset on its own, however many, and an index of them
+  --batch PATH...       any number of datasets, each on its own, and an index of them
 
-What it writes into DIR:
-  report.html      start here: the verdict and how it came about, with pictures
-  diagnosis.json   the same for programs: verdict (adequate, effects, unexplained, or null), effects, what is left
-  model.json       the law with its effects, for python -m thesis_lib predict
-  candidates.csv   which effects were tried, what each gains alone, and what speaks against it
-  choices.csv      the error with each choice of the effects found and their closest rival (in the plane)
-  comparison.csv, ladder.csv, budget.csv, errors.csv, impacts.csv, where.json, and the pictures
-  DIR_proposal.py  beside DIR, where nothing fits and a term is proposed: an effect file for --effects
+Files written into DIR:
+  report.html      start here: the verdict and its derivation, with figures
+  diagnosis.json   the same for programs: verdict (adequate, effects, unexplained, or null), effects, remaining errors
+  model.json       the law with its effects, for thesis-lib predict
+  candidates.csv   the effects that were tried, the gain of each alone, and the evidence against it
+  choices.csv      the error for each choice among the effects found and their closest rival (in the plane)
+  comparison.csv, ladder.csv, budget.csv, errors.csv, impacts.csv, where.json, and the figures
+  DIR_proposal.py  next to DIR, if no known effect fits and a term is proposed: an effect file for --effects
   models.csv       with --models: laws and simulators side by side
-  of a recording: report.html, diagnosis.json, misfit.csv, mechanism_residuals.csv, and the picture
-With --batch each dataset has a folder like that, and a log, in DIR, beside
-  index.html       start here: a line a dataset with verdict, effects and errors; those that failed, with the reason
+  for a recording: report.html, diagnosis.json, misfit.csv, mechanism_residuals.csv, and the figure
+With --batch, DIR holds such a folder and a log for each dataset, and
+  index.html       start here: one line per dataset with verdict, effects and errors, or the reason of a failure
   batch.csv        the same as a table; batch.json: for programs
 
 Exit code: 0; 1 if a dataset of a batch failed; 2 if the command or the dataset is wrong; 130 if interrupted (Ctrl-C).
 """
 EXAMPLES = """\
-A dataset is a folder with dataset.yaml and trajectories.csv or impacts.csv, a recording one with recording.yaml and
-states.csv; python -m thesis_lib datasets makes one from a rig's logs, or an example, and checks it.
+A dataset is a folder with dataset.yaml and trajectories.csv or impacts.csv, a recording is a folder with recording.yaml
+and states.csv; thesis-lib datasets writes one from a rig's logs, or an example, and checks it.
 
 examples:
-  python -m thesis_lib critique data/my_drops -o results/critique/my_drops
-  python -m thesis_lib critique data/my_drops --effect tangential_restitution --effect surface_tilt
-  python -m thesis_lib critique data/my_drops --effects my_effects.py     looks for an effect of your own, too
-  python -m thesis_lib critique data/my_drops --models laws,mujoco,drake   which simulator is right about it?
-  python -m thesis_lib critique data/my_drops --json | jq .verdict
-  python -m thesis_lib critique data/before data/after -o results/critique/repair
-  python -m thesis_lib critique results/critique/before results/critique/after       runs that are done already
-  python -m thesis_lib critique --batch data/rigs -o results/rigs --jobs 8
-  python -m thesis_lib critique data/wheel -o results/critique/wheel       a recording with recording.yaml
+  thesis-lib critique data/my_drops -o results/critique/my_drops
+  thesis-lib critique data/my_drops --effect tangential_restitution --effect surface_tilt
+  thesis-lib critique data/my_drops --effects my_effects.py     tests an effect of your own, too
+  thesis-lib critique data/my_drops --models laws,mujoco,drake   which simulator predicts it best?
+  thesis-lib critique data/my_drops --json | jq .verdict
+  thesis-lib critique data/before data/after -o results/critique/repair
+  thesis-lib critique results/critique/before results/critique/after       finished runs
+  thesis-lib critique --batch data/rigs -o results/rigs --jobs 8
+  thesis-lib critique data/wheel -o results/critique/wheel       a recording with recording.yaml
 """
 
 
 def build_parser() -> Parser:
-    parser = Parser(prog="python -m thesis_lib critique", description=DESCRIPTION, epilog=EXAMPLES)
+    parser = Parser(prog="thesis-lib critique", description=DESCRIPTION, epilog=EXAMPLES)
     paths = (
         "folder of a dataset (dataset.yaml and trajectories.csv or impacts.csv) or of a recording (recording.yaml and "
-        "states.csv); with --batch also a folder of them"
+        "states.csv); with --batch also a folder of such folders"
     )
-    out = "folder to write; default: results/critique/<name of the dataset>, of a batch results/critique"
+    out = "folder to write; default: results/critique/<name of the dataset>, for a batch results/critique"
     effect = (
-        "switch this effect on instead of the automatic choice; of a recording, try no other; may be given several "
-        "times"
+        "use this effect instead of the automatic selection; for a recording, test only this effect; may be given "
+        "several times"
     )
-    printed = "print diagnosis.json (of a batch batch.json) instead of text"
+    printed = "print diagnosis.json (for a batch batch.json) instead of text"
     parser.add_argument("paths", nargs="+", metavar="PATH", help=paths)
     parser.add_argument("-o", "--out", metavar="DIR", help=out)
     parser.add_argument("--effect", action="append", dest="effects", metavar="NAME", help=effect)
     add_option(parser)
     compared = (
-        "compare these models, each fitted without and with the effects that were named: laws, mujoco, drake, "
-        "drake_hydroelastic, bullet (needs PyBullet), of bodies in space laws, mujoco, drake; a list with commas (a "
-        "minute and more, drake_hydroelastic some)"
+        "compare these models, each fitted without and with the selected effects: laws, mujoco, drake, "
+        "drake_hydroelastic, bullet (needs PyBullet); in space laws, mujoco, drake; separated by commas (takes a "
+        "minute or more, drake_hydroelastic several)"
     )
     parser.add_argument("--models", metavar="LIST", help=compared)
     proposed = (
-        "file for the term that is proposed where the verdict is unexplained, looked for also beside effects that were "
-        "named; without this option it lies beside DIR as <DIR>_proposal.py"
+        "file for the term that is proposed if the verdict is unexplained; the search also runs if --effect is given; "
+        "default: <DIR>_proposal.py next to DIR"
     )
     parser.add_argument("--propose", metavar="FILE.py", help=proposed)
-    first = "use the first N trials alone: a first look at a large dataset"
+    first = "use only the first N trials, for a first look at a large dataset"
     parser.add_argument("--trials", type=int, metavar="N", help=first)
-    parser.add_argument("--seed", type=int, default=SEED, help="of splits and resamples; default: %(default)s")
+    parser.add_argument("--seed", type=int, default=SEED, help="seed of splits and resamples; default: %(default)s")
     shared = (
-        "processes that share the work, with --batch datasets at a time; default: the number of cores, "
-        f"of one dataset at most {MOST}"
+        "number of processes, or with --batch of datasets at a time; default: number of cores, "
+        f"for one dataset at most {MOST}"
     )
     parser.add_argument("--jobs", type=int, metavar="N", help=shared)
     parser.add_argument("--json", action="store_true", help=printed)
-    parser.add_argument("-q", "--quiet", action="store_true", help="no progress on stderr")
+    parser.add_argument("-q", "--quiet", action="store_true", help="print no progress to stderr")
     batch = parser.add_argument_group(
         "many datasets",
-        "A dataset that is refused, crashes, hangs or takes all memory stops no other. The same command goes on where "
-        "it stopped: what is done is skipped unless data, settings or code have changed.",
+        "A dataset that is refused, crashes, hangs or takes all memory does not stop the others. The same command "
+        "resumes a batch: finished datasets are skipped unless data, settings or code have changed.",
     )
     batch.add_argument("--batch", action="store_true", help="criticise each dataset on its own")
-    limit = "seconds a dataset; default: %(default)g"
+    limit = "seconds per dataset; default: %(default)g"
     batch.add_argument("--time-limit", type=float, default=3600.0, metavar="S", help=limit)
-    batch.add_argument("--memory-limit", type=float, metavar="GB", help="of a dataset; default: none but the machine's")
+    batch.add_argument("--memory-limit", type=float, metavar="GB", help="memory per dataset; default: no limit")
     return parser
 
 
@@ -149,7 +149,7 @@ def critique(argv: Sequence[str] | None = None) -> int:
 
 
 def _require_place(path: str, args: argparse.Namespace) -> None:
-    """Refuse a file for the proposal that could not be loaded again, or that is there already."""
+    """Reject a path for the proposal that could not be loaded with --effects or that exists already."""
     from thesis_lib.extensions.loading import require_outside_of_data
 
     if args.batch or len(args.paths) > 1:
@@ -177,7 +177,7 @@ def _one(args: argparse.Namespace) -> int:
         print(f"\nwritten to {folder}; open {folder / 'report.html'}")
         if content.get("proposal"):
             file = Path(args.propose or proposal_path(folder).with_name(content["proposal"]["file"]))
-            print(f"proposed: {file}; add it with  python -m thesis_lib critique {path} --effects {file}")
+            print(f"proposed: {file}; add it with  thesis-lib critique {path} --effects {file}")
     return 0
 
 
@@ -211,7 +211,7 @@ def _batch(args: argparse.Namespace) -> int:
 
     paths, others = find_datasets(args.paths)
     if others:
-        say(f"no datasets, passed over: {', '.join(map(str, others))}")
+        say(f"skipped, because they are not datasets: {', '.join(map(str, others))}")
     out = Path(args.out or "results/critique")
     memory = None if args.memory_limit is None else args.memory_limit * 1e9
     options = {"effects": args.effects, "files": args.files, "additions": args.additions}
@@ -219,7 +219,7 @@ def _batch(args: argparse.Namespace) -> int:
     try:
         batch = run_batch(paths, out, args.seed, time_limit=args.time_limit, say=say, **options)
     except KeyboardInterrupt:
-        print("interrupted; the same command goes on from here", file=sys.stderr)
+        print("interrupted; run the same command again to resume", file=sys.stderr)
         return INTERRUPTED
     if args.json:
         print((out / "batch.json").read_text(encoding="utf-8"), end="")

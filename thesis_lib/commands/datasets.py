@@ -1,4 +1,4 @@
-"""`python -m thesis_lib datasets`: fetch published sets, check data, convert logs, turn tosses, make examples."""
+"""`thesis-lib datasets`: fetch published sets, check data, convert logs, rotate tosses, make examples."""
 
 import argparse
 import json
@@ -13,59 +13,59 @@ from thesis_lib.foundation.progress import Progress
 
 EXAMPLES = """\
 examples:
-  python -m thesis_lib datasets fetch planar-impact
-  python -m thesis_lib datasets fetch planar-dice --from published/fazeli_planar_dice
-  python -m thesis_lib datasets check data/my_drops
-  python -m thesis_lib datasets init log.csv -o data/my_drops --units mm,deg \\
+  thesis-lib datasets fetch planar-impact
+  thesis-lib datasets fetch planar-dice --from published/fazeli_planar_dice
+  thesis-lib datasets check data/my_drops
+  thesis-lib datasets init log.csv -o data/my_drops --units mm,deg \\
       --columns "trial=run,t=time_s,x=X,y=Z,theta=angle" --shape square:0.06 --mass 0.05
-  python -m thesis_lib datasets example -o data/example --hidden com_offset_x
-  python -m thesis_lib datasets example -o data/wheel --mechanism wheel
+  thesis-lib datasets example -o data/example --hidden com_offset_x
+  thesis-lib datasets example -o data/wheel --mechanism wheel
 """
 FETCH_EXAMPLES = """\
 examples:
-  python -m thesis_lib datasets fetch planar-impact
-  python -m thesis_lib datasets fetch planar-dice --from published/fazeli_planar_dice       without network
-  python -m thesis_lib datasets fetch contactnets-cube       needs the package torch; any of its tosses are a valid copy
+  thesis-lib datasets fetch planar-impact
+  thesis-lib datasets fetch planar-dice --from published/fazeli_planar_dice       without network
+  thesis-lib datasets fetch contactnets-cube       needs the package torch; any subset of its tosses is valid
 """
 CHECK_EXAMPLES = """\
 examples:
-  python -m thesis_lib datasets check data/my_drops
-  python -m thesis_lib datasets check data/my_drops --json | jq .detection.used
+  thesis-lib datasets check data/my_drops
+  thesis-lib datasets check data/my_drops --json | jq .detection.used
 """
 TURN = """\
-Turn each toss about the normal of the surface, so that all are thrown along its first axis. Some recordings were turned
-about the vertical toss by toss before they were published; what is fixed in the room (axes that are not square, a slope
-of the table, a lens) then has another direction in each toss, and no effect describes it. If all were thrown from one
-side, this brings it back. datasets check says where it is needed.
+Rotate each toss about the normal of the surface, so that all are thrown along its first axis. Some recordings were
+rotated about the vertical, toss by toss, before publication. Errors that are fixed in the room (axes that are not
+perpendicular, a slope of the table, a lens) then have another direction in each toss, and no effect describes them. If
+all tosses were thrown from one side, this restores the direction. datasets check reports if it is needed.
 """
 TURN_EXAMPLES = """\
 examples:
-  python -m thesis_lib datasets turn data/measured/contactnets_cube -o data/cube_along_throws
+  thesis-lib datasets turn data/measured/contactnets_cube -o data/cube_along_throws
 """
 EXAMPLE = """\
-Simulate drops of a rig that is not quite what its dataset.yaml says: the contact forces are integrated in time, poses
-are sampled at 250 Hz with 0.3 mm and 3 mrad of noise, and one cause is hidden. What was hidden is not written down:
-python -m thesis_lib critique has to find it.
+Simulate drops of a rig that differs slightly from its dataset.yaml: contact forces are integrated in time, poses are
+sampled at 250 Hz with 0.3 mm and 3 mrad of noise, and one cause is hidden. The files do not name the hidden cause:
+thesis-lib critique has to find it.
 
-What it writes into DIR:
-  dataset.yaml, trajectories.csv   the dataset, as its owner believes it to be
+Files written into DIR:
+  dataset.yaml, trajectories.csv   the dataset, as its owner assumes it to be
   new_impacts.csv                  first impacts of 40 further drops: x,y,theta,vx,vy,omega just before, for
-                                   python -m thesis_lib predict, and vx_seen,vy_seen,omega_seen just after, both
-                                   without noise, so that what differs is the error of the model
-With --mechanism a rimless wheel or an arm that pushes a disk moves instead of falling:
-  recording.yaml, states.csv       a recording of its motion, as its owner believes it to be
+                                   thesis-lib predict, and vx_seen,vy_seen,omega_seen just after, both
+                                   without noise, so that a difference is the error of the model
+With --mechanism a rimless wheel, or an arm that pushes a disk, is recorded instead of drops:
+  recording.yaml, states.csv       a recording of its motion, as its owner assumes it to be
 """
 EXAMPLE_EXAMPLES = """\
 examples:
-  python -m thesis_lib datasets example -o data/example                       centre of mass 0.5 mm off
-  python -m thesis_lib datasets example -o data/tilted --hidden tilt --size 0.02
-  python -m thesis_lib datasets example -o data/fine --hidden nothing --seed 7
-  python -m thesis_lib datasets example -o data/soft --hidden nothing --shape square --contact-time 3
-  python -m thesis_lib datasets example -o data/other --engine mujoco         the same drops, in MuJoCo's own contact
-  python -m thesis_lib datasets example -o data/box --space --hidden com_offset        a box that tumbles in space
-  python -m thesis_lib datasets example -o data/puck --shape puck              one cushion unlike the others
-  python -m thesis_lib datasets example -o data/arm --mechanism arm --hidden payload --size 0.1
-  python -m thesis_lib datasets example -o data/wheel --mechanism wheel --hidden payload --engine mujoco
+  thesis-lib datasets example -o data/example                       centre of mass 0.5 mm off
+  thesis-lib datasets example -o data/tilted --hidden tilt --size 0.02
+  thesis-lib datasets example -o data/fine --hidden nothing --seed 7
+  thesis-lib datasets example -o data/soft --hidden nothing --shape square --contact-time 3
+  thesis-lib datasets example -o data/other --engine mujoco         the same drops, with MuJoCo's own contact
+  thesis-lib datasets example -o data/box --space --hidden com_offset        a box that tumbles in space
+  thesis-lib datasets example -o data/puck --shape puck              one cushion differs from the others
+  thesis-lib datasets example -o data/arm --mechanism arm --hidden payload --size 0.1
+  thesis-lib datasets example -o data/wheel --mechanism wheel --hidden payload --engine mujoco
 
 what can be hidden, its default size (about 3 times the error of a perfect model) and meaning:
 """
@@ -73,7 +73,7 @@ what can be hidden, its default size (about 3 times the error of a perfect model
 
 def build_parser() -> Parser:
     parser = Parser(
-        prog="python -m thesis_lib datasets",
+        prog="thesis-lib datasets",
         description="Datasets of measured drops (a folder with dataset.yaml and trajectories.csv or impacts.csv), and "
         "recordings of a mechanism (recording.yaml and states.csv).",
         epilog=EXAMPLES,
@@ -83,18 +83,18 @@ def build_parser() -> Parser:
     fetch = commands.add_parser(
         "fetch",
         help="get a published measured set",
-        description="Get a published measured set, check the SHA-256 of every file, and convert it.",
+        description="Download a published measured set, check the SHA-256 of every file, and convert the set.",
         epilog=FETCH_EXAMPLES,
     )
     fetch.add_argument("name", choices=["planar-impact", "planar-dice", "contactnets-cube"])
-    fetch.add_argument("--from", dest="source", metavar="DIR", help="local copy to use instead of the network")
-    fetch.add_argument("--to", default="data/measured", metavar="DIR", help="where <name>/ goes (default: %(default)s)")
+    fetch.add_argument("--from", dest="source", metavar="DIR", help="local copy to use instead of a download")
+    fetch.add_argument("--to", default="data/measured", metavar="DIR", help="parent of <name>/; default: %(default)s")
 
     check = commands.add_parser(
         "check",
-        help="say what is in a dataset or a recording and what is wrong with it",
-        description="Read a dataset or the recording of a mechanism, print what it holds and which impacts are found "
-        "in a dataset's trajectories, and list everything that is wrong. Exit code 0 or 2.",
+        help="list the content of a dataset or a recording and its errors",
+        description="Read a dataset or the recording of a mechanism, print its content and the impacts found in the "
+        "trajectories of a dataset, and list all errors. Exit code: 0; 2 if there are errors.",
         epilog=CHECK_EXAMPLES,
     )
     check.add_argument("folder", metavar="DIR")
@@ -104,59 +104,59 @@ def build_parser() -> Parser:
 
     turn = commands.add_parser(
         "turn",
-        help="turn each toss of a dataset in space to be thrown along the same axis",
+        help="rotate the tosses of a dataset in space so that all are thrown along the same axis",
         description=TURN,
         epilog=TURN_EXAMPLES,
     )
     turn.add_argument("folder", metavar="DIR")
-    turn.add_argument("-o", "--out", required=True, metavar="DIR", help="dataset folder to make")
+    turn.add_argument("-o", "--out", required=True, metavar="DIR", help="dataset folder to write")
     turn.add_argument("--force", action="store_true", help="replace a dataset that is already in the folder of -o")
 
     example = commands.add_parser(
         "example",
-        help="simulate drops or a mechanism with a hidden cause, to try the critique on",
+        help="simulate drops or a mechanism with a hidden cause, to try out the critique",
         description=EXAMPLE,
         add_help=False,
     )
-    example.add_argument("-o", "--out", required=True, metavar="DIR", help="dataset folder to make")
-    example.add_argument("--mechanism", choices=["arm", "wheel"], help="what moves; default: a body that is dropped")
+    example.add_argument("-o", "--out", required=True, metavar="DIR", help="dataset folder to write")
+    example.add_argument("--mechanism", choices=["arm", "wheel"], help="mechanism to record; default: a dropped body")
     space = (
         "a body that tumbles in space, with quaternions (schema 2); --shape box (default), sphere, "
-        "ellipsoid, cylinder or capsule; --hidden nothing (default), or see below"
+        "ellipsoid, cylinder or capsule; --hidden nothing (default), or a cause listed below"
     )
     example.add_argument("--space", action="store_true", help=space)
     hidden = (
-        "see below; default: com_offset_x, of a puck quick_cushion (in MuJoCo dead_cushion), in a mechanism "
-        "rolling_resistance"
+        "hidden cause, listed below; default: com_offset_x, for a puck quick_cushion (in MuJoCo dead_cushion), for a "
+        "mechanism rolling_resistance"
     )
     example.add_argument("--hidden", metavar="NAME", help=hidden)
     engine = (
-        "which simulator: this program's own, MuJoCo, or Drake (drops: its point contact); default: own, with --space "
-        "mujoco. A mechanism in another simulator than our own has sensors as rigs have them"
+        "simulator: this program's own, MuJoCo, or Drake (for drops its point contact); default: own, with --space "
+        "mujoco. A mechanism in MuJoCo or Drake is recorded with realistic sensors"
     )
     example.add_argument("--engine", choices=["own", "mujoco", "drake"], help=engine)
-    example.add_argument("--size", type=float, help="of the hidden cause, in its unit; default: see below")
+    example.add_argument("--size", type=float, help="size of the hidden cause, in its unit; default: see below")
     example.add_argument(
-        "--drops", type=int, help="releases; default: 150, of a puck or in space 60, of a mechanism 16 trials"
+        "--drops", type=int, help="number of releases; default: 150, for a puck or in space 60, for a mechanism 16"
     )
-    shape = "of the body that is dropped; default: ellipse. A puck slides over a table between cushions"
+    shape = "shape of the dropped body; default: ellipse. A puck slides over a table between cushions"
     example.add_argument("--shape", help=f"{shape} (ellipse, square or puck)")
     lasting = (
-        "how long a central impact at 2.5 m/s lasts, at most 5 ms; default: 1 ms, as of hard plastic on metal; rubber "
-        "takes 3 ms and more, and with 0.02 ms drops are nearly those of a rigid body; with --space 2 ms"
+        "duration of a central impact at 2.5 m/s, at most 5 ms; default: 1 ms, as for hard plastic on metal, and 2 ms "
+        "with --space; rubber takes 3 ms and more, and with 0.02 ms the body is nearly rigid"
     )
     example.add_argument("--contact-time", type=float, metavar="MS", help=lasting)
     filters = ["moving_average", "butterworth", "zero_phase_butterworth", "kalman_smoother"]
-    example.add_argument("--filter", choices=filters, help="smooths the drops before they are written; default: none")
-    example.add_argument("--cutoff", type=float, help="of the filter, Hz, where its gain is 1/√2; default: 40")
-    example.add_argument("--seed", type=int, default=0, help="other seeds give other drops; default: %(default)s")
+    example.add_argument("--filter", choices=filters, help="filter that smooths the poses of the drops; default: none")
+    example.add_argument("--cutoff", type=float, help="frequency of filter gain 1/√2, Hz; default: 40")
+    example.add_argument("--seed", type=int, default=0, help="seed of releases and noise; default: %(default)s")
     example.add_argument("--force", action="store_true", help="replace a dataset that is already in DIR")
     example.add_argument("-h", "--help", action=_ExampleHelp, nargs=0, help="show this and exit")
     return parser
 
 
 class _ExampleHelp(argparse.Action):
-    """Help that ends with the list of hidden causes; it needs the simulator, which other commands need not import."""
+    """Print the help with the list of hidden causes; only then is the simulator, which has the list, imported."""
 
     def __call__(self, parser, namespace, values, option_string=None) -> None:
         from thesis_lib.simulate.compliant.example import causes_text
@@ -214,7 +214,7 @@ def _turn(args: argparse.Namespace) -> int:
     dataset, out = read_dataset(args.folder), Path(args.out)
     turned = along_throws(dataset)
     write_dataset(replace(turned, name=out.resolve().name), out, float_format=None)
-    print(f"{len(turned.trials)} of {len(dataset.trials)} tosses are thrown along t_1 now\nwritten to {out}")
+    print(f"{len(turned.trials)} of {len(dataset.trials)} tosses are now thrown along t_1\nwritten to {out}")
     return 0
 
 
@@ -224,7 +224,7 @@ def _example(args: argparse.Namespace) -> int:
     given: dict = {"size": args.size, "seed": args.seed}
     write = _recording if args.mechanism else _tosses if args.space else _puck if args.shape == "puck" else _drops
     if args.shape not in (None, "ellipse", "square", "puck") and write is not _tosses:
-        raise UserError(f"--shape {args.shape}: it is ellipse, square or puck; bodies in space need --space.")
+        raise UserError(f"--shape {args.shape}: give ellipse, square or puck; bodies in space need --space.")
     own = ["shape"] if args.mechanism else []
     of_drops = (*own, *([] if args.space else ["contact_time"]), "filter", "cutoff")
     if write is not _drops and any(getattr(args, name) is not None for name in of_drops):
@@ -235,12 +235,12 @@ def _example(args: argparse.Namespace) -> int:
     if args.drops is not None:
         given["drops" if write in (_drops, _tosses) else "trials"] = args.drops
     further = write(args, out, given)
-    print(f"{described(out)}\nwritten to {out}{further}. Next: python -m thesis_lib critique {out}")
+    print(f"{described(out)}\nwritten to {out}{further}. Next: thesis-lib critique {out}")
     return 0
 
 
 def _drops(args: argparse.Namespace, out: Path, given: dict) -> str:
-    """Write an example of drops; where the impacts are that its owner does not have."""
+    """Write an example of drops; return a note on the file of further impacts, which the dataset does not contain."""
     from thesis_lib.simulate.compliant.example import NEW_IMPACTS, simulate_example, write_example
 
     given |= {"tracker": _tracker(args), "shape": args.shape or ""} | _drops_in(args.engine, args.contact_time)
@@ -294,12 +294,12 @@ def _recording(args: argparse.Namespace, out: Path, given: dict) -> str:
 
 
 def _tracker(args: argparse.Namespace):
-    """How the drops of an example are recorded, None if as they are seen."""
+    """Filter with which the drops of an example are recorded, or None for unfiltered poses."""
     from thesis_lib.simulate.rig.tracker import Tracker
 
     if args.filter is None:
         if args.cutoff is not None:
-            raise UserError("--cutoff needs --filter, which it belongs to.")
+            raise UserError("--cutoff is an option of --filter: give both, or leave --cutoff out.")
         return None
     cutoff = 40.0 if args.cutoff is None else args.cutoff
     if not 1.0 <= cutoff < 125.0:
@@ -308,7 +308,7 @@ def _tracker(args: argparse.Namespace):
 
 
 def _require_engine(engine: str) -> None:
-    """UserError if the engine is not installed."""
+    """Raise UserError if the engine is not installed."""
     from importlib.util import find_spec
 
     module, package = {"own": ("numpy", "numpy"), "mujoco": ("mujoco", "mujoco-core"), "drake": ("pydrake", "drake")}[
@@ -319,7 +319,7 @@ def _require_engine(engine: str) -> None:
 
 
 def _drops_in(engine: str, milliseconds: float | None) -> dict:
-    """Keywords `engine` and `contact` of `simulate_example`; UserError if the engine is not installed."""
+    """Arguments `engine` and `contact` for `simulate_example`; UserError if the engine is not installed."""
     lasting = _contact_time(1.0 if milliseconds is None else milliseconds)
     _require_engine(engine)
     if engine == "mujoco":
@@ -338,7 +338,7 @@ def _drops_in(engine: str, milliseconds: float | None) -> dict:
 
 
 def _contact_time(milliseconds: float) -> float:
-    """The contact time in s; UserError if it is out of range."""
+    """Contact time in s; UserError if it is out of range."""
     if not 0.0 < milliseconds <= 5.0:
         raise UserError(f"--contact-time must be above 0 and at most 5 ms; got {milliseconds:g}.")
     return 1e-3 * milliseconds

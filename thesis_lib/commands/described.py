@@ -1,4 +1,4 @@
-"""A folder with a dataset or a recording, described as `datasets check` and similar commands print it."""
+"""Description of a folder with a dataset or a recording, as printed by `datasets check` and similar commands."""
 
 import json
 from pathlib import Path
@@ -9,9 +9,9 @@ if TYPE_CHECKING:
 
 
 def described(folder: str | Path, as_json: bool = False, compare: bool = False) -> str:
-    """The content of a folder as text or JSON; DatasetError lists everything that is wrong in it.
+    """Describe the content of a folder as text or JSON; DatasetError lists everything that is wrong in it.
 
-    `compare`: the pose of a tracked frame that is stated is compared with what tosses in space say of it.
+    `compare`: also compare the stated pose of the tracked frame with the estimate from tosses in space.
     """
     from thesis_lib.datasets.recordings.recording import is_recording, read_recording, recording_facts, recording_text
     from thesis_lib.datasets.summary import check_dataset, summarise, summary_text
@@ -27,10 +27,10 @@ def described(folder: str | Path, as_json: bool = False, compare: bool = False) 
 
 
 def hits_told(dataset: "Dataset", compare: bool = False) -> dict:
-    """Hits of a dataset in space that a critique would use, ready for JSON.
+    """Summary of the hits in a dataset in space that a critique would use, ready for JSON.
 
     Keys `used`, `trials`, `by_contact`, `left_out` (reason -> kind of contact -> count), `elsewhere` (trial and time in
-    s of what hits off the surface), `warnings`, `tracked` (a sentence, or none); `why`, where nothing can be used.
+    s of hits off the surface), `warnings`, `tracked` (a sentence, or none); `why`, if no hit can be used.
     """
     import numpy as np
 

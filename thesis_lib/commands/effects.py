@@ -1,6 +1,6 @@
-"""`python -m thesis_lib effects`: the list of effects, the checks of one's own, and a file to begin one with.
+"""`thesis-lib effects`: list effects, check user-defined ones, and write a template for a new effect.
 
-Also the option --effects of other commands: effects and laws of one's own, from files and from installed packages.
+Also the option --effects of other commands: user-defined effects and laws from files and installed packages.
 """
 
 import argparse
@@ -18,36 +18,36 @@ if TYPE_CHECKING:
     from thesis_lib.extensions.contract import CheckResult
 
 DESCRIPTION = """\
-List every candidate effect: equation, parameters with unit and bounds, and source; those of installed packages, too.
+List every candidate effect, including those of installed packages: equation, parameters with unit and bounds, source.
 
-An effect or an impact law of your own is a Python file, anywhere but in a folder with data. --new begins one, --check
-holds it against what all effects and laws of the library must do (a line a check; checks that fail for one reason share
-a line), and critique, predict and simulate take it with --effects FILE.py. Such a file is a program that runs with your
-permissions: read what others wrote before you let it run.
+An effect or an impact law of your own is a Python file, in any folder without data. --new writes a template, --check
+applies the checks that all effects and laws of the library pass (one line per check; checks that fail for the same
+reason share a line), and critique, predict and simulate load it with --effects FILE.py. Such a file is a program that
+runs with your permissions: read files from others before you run them.
 
 Exit code: 0; 1 if a check fails; 2 if a file cannot be loaded, or a name in it is taken.
 """
 EXAMPLES = """\
 examples:
-  python -m thesis_lib effects
-  python -m thesis_lib effects --json | jq '.[].name'
-  python -m thesis_lib effects --new sticky_corners                    writes sticky_corners.py, which does nothing yet
-  python -m thesis_lib effects --check sticky_corners.py               would the critique take it?
-  python -m thesis_lib critique data/my_drops --effects sticky_corners.py
+  thesis-lib effects
+  thesis-lib effects --json | jq '.[].name'
+  thesis-lib effects --new sticky_corners                    writes sticky_corners.py, which does nothing yet
+  thesis-lib effects --check sticky_corners.py               would the critique accept it?
+  thesis-lib critique data/my_drops --effects sticky_corners.py
 """
 OPTION = (
-    "Python file with effects or laws of your own, which join the library; it runs with your permissions, so read what "
-    "others wrote; may be given several times"
+    "Python file with effects or laws of your own, which are added to the library; it runs with your permissions, so "
+    "read files from others first; may be given several times"
 )
 
 
 def add_option(parser: argparse.ArgumentParser) -> None:
-    """Let a command take --effects FILE.py."""
+    """Add the option --effects FILE.py to a command."""
     parser.add_argument("--effects", action="append", dest="files", metavar="FILE.py", default=[], help=OPTION)
 
 
 def load_additions(files: Sequence[str], data: Iterable[str | Path] = ()) -> list[dict[str, str]]:
-    """Effects and laws of installed packages and of the files, for JSON; before files are run, stderr says so.
+    """Load effects and laws of installed packages and files; return a list for JSON.  A note precedes each file's run.
 
     Files must not lie in the folders `data`.  UserError as in `thesis_lib.extensions.loading.load`.
     """
@@ -55,21 +55,21 @@ def load_additions(files: Sequence[str], data: Iterable[str | Path] = ()) -> lis
 
     for path in files:
         if not path.endswith(".py") and not Path(path).exists():
-            raise UserError(f"--effects {path}: no such file. It takes a Python file; a name goes behind --effect.")
+            raise UserError(f"--effects {path}: no such file. Give a Python file; a name goes behind --effect.")
     return load(files, data=data, say=note)
 
 
 def note(text: str) -> None:
-    """Tell what a user should know before it happens, also where progress is not wanted."""
+    """Print a note to stderr that a user should read before the event, even with --quiet."""
     print(f"note: {text}", file=sys.stderr, flush=True)
 
 
 @command
 def effects(argv: Sequence[str] | None = None) -> int:
-    parser = Parser(prog="python -m thesis_lib effects", description=DESCRIPTION, epilog=EXAMPLES)
+    parser = Parser(prog="thesis-lib effects", description=DESCRIPTION, epilog=EXAMPLES)
     what = parser.add_mutually_exclusive_group()
     what.add_argument("--check", nargs="+", metavar="FILE.py", help="run these files and check what they hold")
-    what.add_argument("--new", metavar="NAME", help="write NAME.py, an effect that passes the checks, to fill in")
+    what.add_argument("--new", metavar="NAME", help="write NAME.py, a template of an effect that passes the checks")
     parser.add_argument("--json", action="store_true", help="print JSON instead of text")
     args = parser.parse_args(argv)
     if args.new is not None:
@@ -88,7 +88,7 @@ def _new(name: str, as_json: bool) -> int:
     if as_json:
         print(json.dumps({"written": str(path)}))
     else:
-        print(f"written to {path}; fill it in, then: python -m thesis_lib effects --check {path}")
+        print(f"written to {path}; fill it in, then: thesis-lib effects --check {path}")
     return 0
 
 
@@ -105,7 +105,7 @@ def _check(files: Sequence[str], as_json: bool) -> int:
             if not as_json:
                 print("\n".join([f"{path}: the {kind} {name}", *_lines(outcomes)]))
         if not any(row["verdict"] == "FAIL" for row in rows):
-            add(loaded)  # what the next file holds must go with it
+            add(loaded)  # the next file must be compatible with it
     failed = sum(row["verdict"] == "FAIL" for row in rows)
     to_do = sum(row["verdict"] == "to do" for row in rows)
     if as_json:
@@ -113,12 +113,12 @@ def _check(files: Sequence[str], as_json: bool) -> int:
     elif failed:
         print(f"{failed} of {len(rows)} checks fail")
     else:
-        print(f"{len(rows) - to_do} of {len(rows)} checks pass" + (", the other waits for an equation" * bool(to_do)))
+        print(f"{len(rows) - to_do} of {len(rows)} checks pass" + (", the other needs an equation first" * bool(to_do)))
     return FAILED if failed else 0
 
 
 def _lines(outcomes: Sequence["CheckResult"]) -> Iterator[str]:
-    """A line a check; a fault that several checks meet stands at the first, with the number of the others."""
+    """One line per check; a fault found by several checks is printed once, with the number of further checks."""
     reasons = [re.sub(r" \(\S+, line \d+\)$", "", outcome.reason) for outcome in outcomes]
     for i, (outcome, reason) in enumerate(zip(outcomes, reasons)):
         if reason and reason in reasons[:i]:
@@ -130,7 +130,7 @@ def _lines(outcomes: Sequence["CheckResult"]) -> Iterator[str]:
 
 
 def effects_text() -> str:
-    """Every candidate effect by family: equation, parameters with bounds and unit, source."""
+    """List of all candidate effects by family: equation, parameters with bounds and unit, source."""
     from thesis_lib.effects import EFFECTS
     from thesis_lib.extensions.registry import origin_of
 
@@ -150,13 +150,13 @@ def effects_text() -> str:
         if effect.reference:
             lines.append(f"      source: {effect.reference}")
         if origin := origin_of("effect", effect.name):
-            lines.append(f"      not of the library, but from {origin}")
-    lines.append("\nTo add one of your own: python -m thesis_lib effects --new NAME")
+            lines.append(f"      not part of the library; from {origin}")
+    lines.append("\nTo add one of your own: thesis-lib effects --new NAME")
     return "\n".join(lines)
 
 
 def effects_json() -> str:
-    """`effects_text` for programs."""
+    """The list of `effects_text` as JSON."""
     from thesis_lib.effects import EFFECTS
     from thesis_lib.extensions.registry import origin_of
 

@@ -1,4 +1,4 @@
-"""`python -m thesis_lib datasets init`: a rig's logs become a dataset."""
+"""`thesis-lib datasets init`: convert a rig's logs into a dataset."""
 
 import argparse
 from dataclasses import fields
@@ -9,64 +9,64 @@ from thesis_lib.foundation.errors import UserError
 from thesis_lib.foundation.progress import Progress
 
 DESCRIPTION = """\
-Convert a rig's logs into a dataset folder, then check it. Its format is recognised by file extension and first line:
+Convert a rig's logs into a dataset folder, then check it. The log format is detected by file extension and first line:
 
   tables                     text with a header line: trial,t,x,y,theta under any names, in any units; a disk may lack
                              theta. Delimiter, decimal commas, encoding, lines above the header and a row of units
-                             below it are found and named in a note (Excel, Tracker, LabVIEW, TUM, rostopic echo -p)
-  tables of a video tracker  the points of DeepLabCut and its like (POINT.x, POINT.y, likelihood) become the pose
-  tables with quaternions    the same with z and four columns of a quaternion: --quaternion xyzw or wxyz; of several
-                             bodies, by a column of names or by those of the columns (box_x, hand_x), --body names one
+                             below it are detected and listed in a note (Excel, Tracker, LabVIEW, TUM, rostopic echo -p)
+  tables of a video tracker  points of DeepLabCut and similar programs (POINT.x, POINT.y, likelihood) give the pose
+  tables with quaternions    the same with z and four columns of a quaternion: --quaternion xyzw or wxyz; if several
+                             bodies are named in a column or in column names (box_x, hand_x), --body selects one
   tables of points           x, y, z and no angle: a ball, whose spin stays unknown
-  OptiTrack Motive           CSV export of rigid bodies, or of the markers of one; also the older form (version 1.1)
+  OptiTrack Motive           CSV export of rigid bodies, or of the markers of one; also the older format (version 1.1)
   Vicon Nexus, Tracker       CSV export of segments, or of trajectories of the markers of one body
   Qualisys Track Manager     TSV export of bodies (6D), or of markers (3D)
-  C3D                        markers named body:marker, rotations, or one marker, a ball (pip install ezc3d)
-  torch tensors              .pt files, or a folder of them, one toss each: rows whose columns --columns names by their
-                             number, 1 to c (pip install torch)
+  C3D                        markers named body:marker, rotations, or one marker for a ball (pip install ezc3d)
+  torch tensors              .pt files, or a folder of them, one toss each; --columns refers to columns by their number,
+                             1 to c (pip install torch)
   ROS bags                   .bag, .mcap, .db3 or a folder of these: PoseStamped, PoseArray, PointStamped, Odometry,
                              TransformStamped, TFMessage, NamedPoseArray, RigidBodies, AlvarMarkers and more
                              (needs no ROS, but: pip install rosbags)
 
-All but the first two are motions in space, and stay so if the shape is one of space. For a planar shape the plane of
-the motion is found from the free flights, or given; the energy out of it is stored for each impact, and trials with
-more than 5 % are left out. Rotations that would fit if they were read otherwise (another order, a left-handed frame)
-are refused, with the option that fixes it. Arrival timestamps are replaced by times from the frame numbers where the
-flights show that. One long recording is cut into drops: look at cuts.png in DIR.
+All formats except the first two record motion in space, and it stays in space for a shape in space. For a planar shape
+the plane of motion is estimated from the free flights, or given; the energy of motion out of the plane is stored for
+each impact, and trials with more than 5 % are left out. Rotations that fit only in another convention (another order, a
+left-handed frame) are rejected, with the option to use. If the flights show that timestamps are arrival times of data,
+times from the frame numbers replace them. One long recording is cut into drops: check cuts.png in DIR.
 """
 EXAMPLES = """\
 examples:
   one log with all runs, millimetres and degrees:
-    python -m thesis_lib datasets init log.csv -o data/my_drops --units mm,deg \\
+    thesis-lib datasets init log.csv -o data/my_drops --units mm,deg \\
         --columns "trial=run,t=time_s,x=X,y=Z,theta=angle" --shape square:0.06
-  one file a run, no time column, y pointing down in the camera's image:
-    python -m thesis_lib datasets init runs/*.csv -o data/my_drops --per-trial-files --rate 250 \\
+  one file per run, no time column, y pointing down in the camera's image:
+    thesis-lib datasets init runs/*.csv -o data/my_drops --per-trial-files --rate 250 \\
         --columns "x=u,y=-v,theta=-phi" --shape ellipse:0.035,0.025
-  pixels of a camera: 900 of them make a metre, the surface is at v = 800, and a ball has no angle:
-    python -m thesis_lib datasets init track.txt -o data/my_drops --units px --scale 900 --origin 300,800 \\
+  pixels of a camera: 900 per metre, the surface at v = 800, and a ball without an angle:
+    thesis-lib datasets init track.txt -o data/my_drops --units px --scale 900 --origin 300,800 \\
         --columns "x=u,y=-v" --shape disk:0.03
   points on the body, tracked by DeepLabCut at 120 frames a second:
-    python -m thesis_lib datasets init videos/*.csv -o data/my_drops --per-trial-files --rate 120 --scale 450/0.5 \\
+    thesis-lib datasets init videos/*.csv -o data/my_drops --per-trial-files --rate 120 --scale 450/0.5 \\
         --origin 320,410 --body corner1,corner2 --shape rect:0.08,0.05
   a puck on a level table, seen from above, between two cushions:
-    python -m thesis_lib datasets init puck.csv -o data/my_puck --shape disk:0.04 \\
+    thesis-lib datasets init puck.csv -o data/my_puck --shape disk:0.04 \\
         --wall south:0,-0.4,0,1 --wall east:0.6,0,-1,0
   one long log in a plane, to be cut into drops:
-    python -m thesis_lib datasets init log.csv -o data/my_drops --cut --shape disk:0.03
+    thesis-lib datasets init log.csv -o data/my_drops --cut --shape disk:0.03
   a log with quaternions, scalar first, y up:
-    python -m thesis_lib datasets init log.csv -o data/my_drops --quaternion wxyz --up y --units mm \\
+    thesis-lib datasets init log.csv -o data/my_drops --quaternion wxyz --up y --units mm \\
         --columns "t=time,q1=q0,q2=q1,q3=q2,q4=q3" --shape square:0.06
   a motion capture take with several bodies, whose plate moves across the room's x axis:
-    python -m thesis_lib datasets init take.csv -o data/my_drops --body plate --plane x --shape square:0.06
+    thesis-lib datasets init take.csv -o data/my_drops --body plate --plane x --shape square:0.06
   a ball tracked in space in centimetres, z up:
-    python -m thesis_lib datasets init ball.csv -o data/my_drops --units cm --up z --shape disk:0.02
+    thesis-lib datasets init ball.csv -o data/my_drops --units cm --up z --shape disk:0.02
   a box that tumbles in space, with quaternions, z up:
-    python -m thesis_lib datasets init toss.csv -o data/my_tosses --quaternion xyzw --shape box:0.1,0.08,0.06
-  tosses as torch tensors, positions in half widths of 0.0524 m, then the quaternion, 148 rows a second:
-    python -m thesis_lib datasets init tosses/ -o data/cube --columns "x=1,y=2,z=3,q1=4,q2=5,q3=6,q4=7" \\
+    thesis-lib datasets init toss.csv -o data/my_tosses --quaternion xyzw --shape box:0.1,0.08,0.06
+  tosses as torch tensors, positions in half widths of 0.0524 m, then the quaternion, 148 rows per second:
+    thesis-lib datasets init tosses/ -o data/cube --columns "x=1,y=2,z=3,q1=4,q2=5,q3=6,q4=7" \\
         --quaternion wxyz --rate 148 --scale 1/0.0524 --shape box:0.1048,0.1048,0.1048
   a ROS bag, the frame "plate" of /tf:
-    python -m thesis_lib datasets init drops.mcap -o data/my_drops --body /tf:plate --shape square:0.06
+    thesis-lib datasets init drops.mcap -o data/my_drops --body /tf:plate --shape square:0.06
 """
 
 
@@ -79,66 +79,63 @@ def add_init(commands: argparse._SubParsersAction) -> None:
         epilog=EXAMPLES,
     )
     init.add_argument("files", nargs="+", metavar="FILE")
-    init.add_argument("-o", "--out", required=True, metavar="DIR", help="dataset folder to make")
-    units = "of a table: m|mm|cm|px, rad|deg, s|ms|us|ns; default: what the table says, else m,rad,s"
+    init.add_argument("-o", "--out", required=True, metavar="DIR", help="dataset folder to write")
+    units = "units of a table: m|mm|cm|px, rad|deg, s|ms|us|ns; default: as stated in the table, else m,rad,s"
     init.add_argument("--units", default="", help=units)
     init.add_argument("--columns", default="", help="OURS=YOURS,…; a minus sign before YOURS flips an axis")
-    scale = "pixels a metre, or PX/M: pixels of a ruler and its length in m"
-    init.add_argument("--scale", metavar="PX", help=f"of a table in pixels: {scale}")
-    zero = "x and y, as a table writes them, of the point that becomes x = 0, y = 0; default: 0,0"
+    scale = "pixels per metre, or PX/M: pixels of a ruler and its length in m"
+    init.add_argument("--scale", metavar="PX", help=f"scale of a table in pixels: {scale}")
+    zero = "point that becomes x = 0, y = 0, in the coordinates of the table; default: 0,0"
     init.add_argument("--origin", metavar="U,V", help=zero)
-    order = (
-        "the table has quaternions, in this order: its columns x, y, z, and q1, q2, q3, q4 or by default qx, qy, qz, qw"
-    )
+    order = "order of quaternions in a table with columns x, y, z, and q1, q2, q3, q4, or by default qx, qy, qz, qw"
     init.add_argument("--quaternion", choices=["xyzw", "wxyz"], help=order)
-    left = "rotations are those of a left-handed frame, or turn the world into the body"
+    left = "rotations refer to a left-handed frame, or rotate the world into the body"
     init.add_argument("--left-handed", action="store_true", help=left)
     sequence = (
-        "of Euler angles in an export: XYZ about the body's own axes in this order, xyz about fixed ones, or helical"
+        "sequence of Euler angles in an export: XYZ about body axes in this order, xyz about fixed axes, or helical"
     )
-    init.add_argument("--rotation", metavar="SEQ", help=f"{sequence}; default: as the export says, else XYZ")
-    init.add_argument("--up", metavar="AXIS", help="of a motion in space: z, -y, …; default: y of OptiTrack, else z")
-    normal = "normal of the plane of a motion in space: x, -y, … or X,Y,Z; default: found from the free flights"
+    init.add_argument("--rotation", metavar="SEQ", help=f"{sequence}; default: as stated in the export, else XYZ")
+    init.add_argument("--up", metavar="AXIS", help="upward axis in space: z, -y, …; default: y for OptiTrack, else z")
+    normal = "normal of the plane of a motion in space: x, -y, … or X,Y,Z; default: estimated from the free flights"
     init.add_argument("--plane", metavar="AXIS", help=normal)
     body = (
-        "which body of an export or a table, marker, topic of a bag, or topic:name within it; of a video tracker the "
-        "points "
+        "body in an export or a table, marker, topic of a bag, or topic:name within it; for a video tracker the points "
     )
     init.add_argument("--body", metavar="NAME", help=f"{body}of the body, as P,Q,…; default: all")
-    frame = "in the tracked frame, seen in the plane: centre of mass in m, and by how many degrees the shape is turned"
+    frame = "centre of mass (m) and angle of the shape (degrees) in the tracked frame, seen in the plane"
     init.add_argument("--frame", metavar="X,Y,ANGLE", help=f"{frame}; default: 0,0,0")
-    tracked = "of a shape in space: found from flights, hits and rests (default), or the frame of the shape itself"
-    init.add_argument("--tracked", choices=["shape"], help=f"where the tracked frame is, {tracked}")
-    cut = "cut each file into drops, or take it as one trial; default: cut motions in space that name no trials"
+    tracked = "for a shape in space: estimated from flights, hits and rests (default), or the frame of the shape"
+    init.add_argument("--tracked", choices=["shape"], help=f"pose of the tracked frame, {tracked}")
+    cut = "cut each file into drops, or use it as one trial; default: cut motions in space without trial names"
     init.add_argument("--cut", action=argparse.BooleanOptionalAction, help=cut)
-    shape = "ellipse:A,B | disk:R | square:SIDE | rect:W,H | polygon:'x1,y1;x2,y2;…' in m; of a body in space, whose "
-    shape += "motion is kept: box:X,Y,Z | sphere:R | ellipsoid:A,B,C | cylinder:R,H | capsule:R,H | mesh:FILE,SCALE"
+    shape = "ellipse:A,B | disk:R | square:SIDE | rect:W,H | polygon:'x1,y1;x2,y2;…' in m; for a body whose motion in "
+    shape += "space is kept: box:X,Y,Z | sphere:R | ellipsoid:A,B,C | cylinder:R,H | capsule:R,H | mesh:FILE,SCALE"
     init.add_argument("--shape", required=True, help=shape)
     init.add_argument("--mass", type=float, help="kg; optional")
     init.add_argument("--k-g", type=float, help="radius of gyration in m; default: uniform lamina of the shape")
-    radii = "m, about the axes of a shape in space; default: those of one density"
+    radii = "m, about the axes of a shape in space; default: as for a uniform density"
     init.add_argument("--radii-of-gyration", metavar="X,Y,Z", help=radii)
-    center = "m, in the axes of a shape in space; default: that of one density, with --radii-of-gyration the middle"
+    center = "m, in the axes of a shape in space; default: uniform density, with --radii-of-gyration the middle"
     init.add_argument("--center-of-mass", metavar="X,Y,Z", help=center)
-    homogeneous = "the body is of one density, and its size known to U (relative, one sigma, such as 0.002): effects "
-    homogeneous += "that contradict the inertia that follows are reported as stand-ins, not as causes"
+    homogeneous = "the density is uniform, and the size is known to U (relative, one sigma, such as 0.002): effects "
+    homogeneous += "that contradict the resulting inertia are reported as stand-ins (proxies), not as causes"
     init.add_argument("--homogeneous", type=float, metavar="U", dest="size_uncertainty", help=homogeneous)
-    init.add_argument("--rate", type=float, help="Hz; needed if the log has no times, or counts frames")
-    gravity = "m/s², in the plane; default: 9.81, in a tilted plane less, with --wall 0"
+    init.add_argument("--rate", type=float, help="frame rate in Hz; needed if the log has no times or counts frames")
+    gravity = "m/s², component in the plane; default: 9.81, in a tilted plane less, with --wall 0"
     init.add_argument("--gravity", type=float, help=gravity)
-    height = "m along up, after conversion; default: 0, in space that of the table as hits and rests have it"
+    height = "m along up, after conversion; default: 0, in space the height estimated from hits and rests"
     init.add_argument("--surface-height", type=float, help=height)
-    wall = "straight wall in place of the surface: its name, a point in m, after conversion, and its normal towards "
-    wall += "the body; once for each wall"
+    wall = "straight wall instead of the surface: its name, a point in m after conversion, and its normal towards "
+    wall += "the body; give the option once per wall"
     init.add_argument("--wall", action="append", default=[], metavar="NAME:X,Y,NX,NY", help=wall)
-    init.add_argument("--delimiter", help="between cells, such as ';' or '\\t'; default: found")
-    init.add_argument("--decimal", choices=[".", ","], metavar="MARK", help="of a table: . or ,; default: found")
+    init.add_argument("--delimiter", help="between cells, such as ';' or '\\t'; default: detected")
+    init.add_argument("--decimal", choices=[".", ","], metavar="MARK", help="decimal mark, . or ,; default: detected")
     init.add_argument("--per-trial-files", action="store_true", help="each file is one trial")
     init.add_argument("--force", action="store_true", help="replace a dataset that is already in DIR")
 
 
 def convert_logs(args: argparse.Namespace) -> int:
-    """Convert, write, check, and say what came of it; UserError where the logs cannot be read or used."""
+    """Convert logs into a dataset, write and check it, and print a summary; UserError if the logs are unusable."""
     from thesis_lib.datasets.format.write import write_dataset
     from thesis_lib.datasets.sources.logs import convert
     from thesis_lib.datasets.sources.tables.options import Reading, parse_columns, parse_delimiter, parse_numbers
@@ -179,6 +176,6 @@ def convert_logs(args: argparse.Namespace) -> int:
         raise UserError(f"{out} was written, but it is not usable yet.\n{error}") from None
     print(
         f"written to {out}. Next: add a description and, if you know it, the noise to {out / 'dataset.yaml'}, "
-        f"then run python -m thesis_lib datasets check {out}"
+        f"then run thesis-lib datasets check {out}"
     )
     return 0

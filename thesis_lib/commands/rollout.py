@@ -1,4 +1,4 @@
-"""`python -m thesis_lib rollout`: whole tosses as a model in space predicts them, against those that were measured."""
+"""`thesis-lib rollout`: whole tosses predicted by a model in space, compared with measured tosses."""
 
 import json
 import sys
@@ -19,56 +19,56 @@ if TYPE_CHECKING:
     from thesis_lib.datasets.format.dataset import Dataset
 
 ROLLOUT = """\
-Simulate measured tosses with a model.json, from how each begins to its last frame, and compare all frames in the three
-ways of the field (ContactNets, Acosta et al. 2021, and the mean errors used for engines). The floor says how far an
-error of the initial state alone goes. Only tosses that the critique of the model held out, unless --all.
+Simulate measured tosses with a model.json, from the initial state to the last frame, and compare all frames by the
+three error measures of the literature (ContactNets, Acosta et al. 2021, and the mean errors used for engines). The
+floor is the error due to the uncertain initial state alone. Only tosses held out by the critique, unless --all.
 
-With --fit the parameters that are named are fitted to the tosses that the critique did not hold out, where they were
-fitted to hits before; the last column then compares both models on those that it did.
+With --fit the named parameters, first fitted to hits, are fitted to the whole tosses that the critique did not hold
+out; the last column then compares both models on the held-out tosses.
 
-With --mjcf the same tosses are simulated in files of your own, too, from the same beginnings: a body with a free joint,
-in whose frame the shape lies as in dataset.yaml, over the only plane of the file.
+With --mjcf the same tosses are also simulated with your own files, from the same initial states. A file needs a body
+with a free joint, in whose frame the shape lies as in dataset.yaml, and exactly one plane.
 """
 EXAMPLES = """\
 examples:
-  python -m thesis_lib rollout out/model.json data/tosses
-  python -m thesis_lib rollout out/model.json data/tosses --start first_frame -o out
-  python -m thesis_lib rollout out/model.json data/tosses --against plain/model.json      which is better?
-  python -m thesis_lib rollout out/model.json data/tosses --fit mu epsilon -o out/fitted
-  python -m thesis_lib rollout out/model.json data/tosses --mjcf mine.xml better.xml --body box
-  python -m thesis_lib rollout model.json data/tosses --all --json | jq .contactnets
+  thesis-lib rollout out/model.json data/tosses
+  thesis-lib rollout out/model.json data/tosses --start first_frame -o out
+  thesis-lib rollout out/model.json data/tosses --against plain/model.json      which model is better?
+  thesis-lib rollout out/model.json data/tosses --fit mu epsilon -o out/fitted
+  thesis-lib rollout out/model.json data/tosses --mjcf mine.xml better.xml --body box
+  thesis-lib rollout model.json data/tosses --all --json | jq .contactnets
 """
-ERRORS = "errors.csv"  # beside model.json: which trials the critique held out
+ERRORS = "errors.csv"  # in the folder of model.json: lists the trials that the critique held out
 
 
 @command
 def rollout(argv: Sequence[str] | None = None) -> int:
-    parser = Parser(prog="python -m thesis_lib rollout", description=ROLLOUT, epilog=EXAMPLES)
+    parser = Parser(prog="thesis-lib rollout", description=ROLLOUT, epilog=EXAMPLES)
     parser.add_argument("model", metavar="MODEL.json")
     parser.add_argument("data", metavar="DATASET")
-    start = "first_flight: fitted to it; first_frame: as stored, with the motion of three frames; default: %(default)s"
+    start = "first_flight: fitted to it; first_frame: as stored, motion from three frames; default: %(default)s"
     parser.add_argument("--start", choices=("first_flight", "first_frame"), default="first_flight", help=start)
-    parser.add_argument("--all", action="store_true", help="all tosses, also those that the model was fitted to")
+    parser.add_argument("--all", action="store_true", help="all tosses, including those that the model was fitted to")
     parser.add_argument("--against", metavar="MODEL.json", help="compare with another model, toss by toss")
     parser.add_argument(
-        "--fit", metavar="NAME", nargs="+", default=[], help="parameters to fit to whole tosses, as mu and epsilon"
+        "--fit", metavar="NAME", nargs="+", default=[], help="parameters to fit to whole tosses, such as mu and epsilon"
     )
     parser.add_argument(
-        "--mjcf", metavar="FILE", nargs="+", default=[], help="the same tosses in MuJoCo by these files"
+        "--mjcf", metavar="FILE", nargs="+", default=[], help="also simulate the tosses in MuJoCo with these files"
     )
-    parser.add_argument("--body", metavar="NAME", help="of --mjcf: the body in them")
+    parser.add_argument("--body", metavar="NAME", help="name of the body in the files of --mjcf")
     parser.add_argument(
-        "-o", "--out", metavar="DIR", help="writes rollout.json, pictures against time and hits, with --fit model.json"
+        "-o", "--out", metavar="DIR", help="write rollout.json, plots over time and hits, and with --fit model.json"
     )
     parser.add_argument("--json", action="store_true", help="print the content of rollout.json in place of the table")
     parser.add_argument("-q", "--quiet", action="store_true", help="print only errors to stderr")
     add_option(parser)
     args = parser.parse_args(argv)
     if bool(args.mjcf) != bool(args.body):
-        raise UserError("--mjcf FILE and --body NAME belong together: the files, and the body in them.")
+        raise UserError("--mjcf FILE and --body NAME belong together: give both, the files and the body in them.")
     if args.fit and (args.all or args.against):
         raise UserError(
-            "--fit leaves the tosses that the critique held out to judge, and compares with the model itself: "
+            "--fit compares the fitted model with the original one on the tosses that the critique held out: "
             "leave --all and --against out."
         )
     load_additions(args.files, [args.data])
@@ -130,10 +130,10 @@ def rollout(argv: Sequence[str] | None = None) -> int:
 
 
 def held_out(model: str, data: "Dataset") -> "Sequence[int]":
-    """Trials of the dataset that the critique which wrote `model` held out.
+    """Trials of the dataset that were held out by the critique that wrote `model`.
 
     Raises:
-        UserError: nobody knows which, or the dataset has none of them.
+        UserError: the held-out trials are not recorded, or the dataset has none of them.
     """
     import numpy as np
     import pandas as pd
@@ -141,20 +141,20 @@ def held_out(model: str, data: "Dataset") -> "Sequence[int]":
     table = Path(model).parent / ERRORS
     if not table.is_file():
         raise UserError(
-            f"{table} does not exist, and says which tosses the critique held out: give the model.json in the folder "
-            "of its critique, or --all for all tosses."
+            f"{table}, which lists the tosses that the critique held out, does not exist: give the model.json in the "
+            "folder of its critique, or --all for all tosses."
         )
     errors = pd.read_csv(table)
     if (
         "held_out" not in errors
         or not (trials := np.intersect1d(data.trials, errors["trial"][errors["held_out"] == 1])).size
     ):
-        raise UserError(f"{data.name} has no toss that {table} holds out; --all takes all tosses.")
+        raise UserError(f"{data.name} has no toss that {table} lists as held out; --all takes all tosses.")
     return trials.tolist()
 
 
 def as_table(content: Mapping) -> str:
-    """The numbers as lines: value and interval of the model, the floor, and the difference to the other model."""
+    """Table of the errors: value and interval of the model, the floor, and the difference to the other model."""
     from thesis_lib.critique.simulation.rollout import GROUPS
 
     def cell(of: Mapping, key: str) -> str:
@@ -165,11 +165,11 @@ def as_table(content: Mapping) -> str:
 
     columns = {"model": content, "floor": content["floor"], **content.get("files", {})}
     if "against" in content:
-        columns["less the other"] = content["against"]["difference"]
+        columns["minus the other"] = content["against"]["difference"]
     lines = [f"{content['model']} on {content['dataset']}: {content['contactnets']['n']} tosses"]
     lines += [f"{name} = {value:.4g}, fitted to the other tosses" for name, value in content.get("fitted", {}).items()]
     if not content.get("search_ended", True):
-        lines.append("the search for these stopped at its limit of evaluations: fit again from the model.json written")
+        lines.append("this fit stopped at its limit of evaluations: run it again from the model.json that was written")
     lines.append("".join([f"{'':<38}", *(f"{name:<30}" for name in columns)]).rstrip())
     for group, keys in GROUPS.items():
         for key in keys:
@@ -179,15 +179,15 @@ def as_table(content: Mapping) -> str:
 
 
 def _require_tosses(data: "Dataset", *models: "SavedModel | SavedSpaceModel") -> None:
-    """UserError unless all move in space and there are trajectories on one surface."""
+    """Raise UserError unless all models and data are in space and the data have trajectories on one surface."""
     for model in models:
         if model.space.is_plane:
             raise UserError(
-                f"{model.dataset or 'This model'} is a model of a body in a plane; rollout is for those in space."
+                f"{model.dataset or 'This model'} is a model of a body in a plane; rollout is for models in space."
             )
     if data.space.is_plane:
         raise UserError(f"{data.name} is a dataset in a plane (schema 1); rollout is for tosses in space (schema 2).")
     if data.trajectories is None:
         raise UserError(f"{data.name} has impacts without trajectories; rollout compares all frames of tosses.")
     if len(data.in_space.planes) > 1:
-        raise UserError(f"{data.name} has several surfaces; rollout is for tosses onto one.")
+        raise UserError(f"{data.name} has several surfaces; rollout is for tosses onto one surface.")

@@ -1,8 +1,8 @@
 """Rigid impact laws for one contact: `LAWS[name](v_pre, r, mass=, k_g=, mu=, epsilon=)`, in space with `inertia=`.
 
-The six of the thesis stand in the list below, with a `LAW_AS_PUBLISHED` where the authors' code differs from the law as
-defined.  Any further file of this folder with a `LAW` adds a law: `LAWS` holds it, and the critique tries it beside the
-six.
+The six laws of the thesis are listed below; where the authors' code differs from the law as defined, the file of the
+law also has a `LAW_AS_PUBLISHED`.  Any other file in this folder that defines a `LAW` adds a law to `LAWS`, and the
+critique fits it along with the six.
 """
 
 import pkgutil
@@ -18,7 +18,7 @@ from thesis_lib.contact import (
 )
 from thesis_lib.contact.law import Law, Outcome, Promise, Status
 
-# the order of the thesis's Table 3.1
+# in the order of Table 3.1 of the thesis
 _MODULES = (drumwright_shell, anitescu_potra_poisson, anitescu_potra_newton, mirtich, wang_mason, whittaker)
 
 SIX_LAWS: tuple[str, ...] = tuple(module.LAW.name for module in _MODULES)
@@ -30,7 +30,7 @@ def _further_laws() -> dict[str, Law]:
         law = getattr(import_module(f"{__name__}.{item.name}"), "LAW", None)
         if law is not None and item.name not in SIX_LAWS:
             if law.name != item.name:
-                raise ImportError(f"the law in {item.name}.py calls itself {law.name!r}; name it like its file")
+                raise ImportError(f"the law in {item.name}.py has the name {law.name!r}; give it the name of its file")
             laws[law.name] = law
     return laws
 
@@ -41,7 +41,7 @@ LAWS: dict[str, Law] = {
     **{law.name: law for module in _MODULES if (law := getattr(module, "LAW_AS_PUBLISHED", None))},
     **_FURTHER,
 }
-# what the critique fits to a dataset in the plane
+# the laws that the critique fits to a planar dataset
 CANDIDATE_LAWS: tuple[str, ...] = (*SIX_LAWS, *(name for name, law in _FURTHER.items() if 2 in law.dimensions))
 LAWS_IN_SPACE: tuple[str, ...] = tuple(name for name, law in LAWS.items() if 3 in law.dimensions)
 

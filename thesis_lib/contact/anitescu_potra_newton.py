@@ -1,12 +1,12 @@
 """Anitescu-Potra with Newton's restitution: Coulomb's law on the total impulse and the final slip.
 
 The law is a linear complementarity problem in (c_n, β₁, β₂, λ).  For one planar contact the linearised cone is
-exact and the solution closed: with the target v_n⁺ = −ε v_n,
+exact and the solution has closed form: with the target v_n⁺ = −ε v_n,
 
     stick   c = M_C (−v_t, −(1 + ε) v_n)                          if |c_t| ≤ μ c_n
     slide   c_n = −(1 + ε) v_n / (K_nn − s μ K_tn),  c_t = −s μ c_n   otherwise, s the sign of the final slip.
 
-In space the cone is circular, and one root has to be found (circular_cone.py).
+In space the cone is circular, and the solution requires one root of a scalar equation (circular_cone.py).
 
 On the line v_n⁺ = −ε v_n, which crosses the cone's axis, v_t⁺ grows with c_t; a stick impulse outside the cone
 therefore lies beyond the edge on its own side, and s = −sign(c_t of the stick impulse).

@@ -5,13 +5,13 @@ As defined:
     decompression   the normal impulse is N = ε c_n^c + x with 0 ≤ x ⊥ v_n⁺ ≥ 0, and friction |T| ≤ μ N opposes the
                     final slip.  The solution has x = 0: T = −(v_t^c + K_tn N) / K_tt clipped to ±μ N.
 
-(x = 0 because v_n⁺ = K_nn N + K_tn T > 0.  Friction that presses the contact down has T K_tn < 0.  After
-compression that ended in stick, |T| ≤ |K_tn| N / K_tt.  One that ended in slip of sign s has K_nn − s μ K_tn > 0,
-so slip that still has this sign keeps v_n⁺ > 0, and slip that has turned is driven by K_tn N alone, which again
-bounds |T| by |K_tn| N / K_tt; and K_nn − K_tn² / K_tt = det / K_tt > 0.)
+(x = 0 because v_n⁺ = K_nn N + K_tn T > 0.  Friction presses the contact down only if T K_tn < 0.  If compression
+ended in stick, |T| ≤ |K_tn| N / K_tt.  If it ended in slip of sign s, K_nn − s μ K_tn > 0: slip that keeps this sign
+leaves v_n⁺ > 0, and slip that has reversed is driven by K_tn N alone, so that again |T| ≤ |K_tn| N / K_tt; and
+K_nn − K_tn² / K_tt = det / K_tt > 0.)
 
 As published (the authors' code): restitution scales the normal impulse only, c = (c_t^c, (1 + ε) c_n^c).  (The code
-also solves the plastic problem again where that penetrates, which cannot happen: v_n⁺ = K_nn ε c_n^c ≥ 0.)
+also re-solves the plastic problem if this penetrates, which cannot happen: v_n⁺ = K_nn ε c_n^c ≥ 0.)
 
 Source: Anitescu and Potra, Nonlinear Dynamics 14 (1997), doi:10.1023/A:1008292328909; thesis section 3.3.2.
 """
@@ -25,7 +25,7 @@ from thesis_lib.mechanics.contact import Contact
 
 
 def impulse(space: Contact, mu: np.ndarray, epsilon: np.ndarray) -> tuple[np.ndarray, ...]:
-    """Impulse (c_t, c_n) or (c_t1, c_t2, c_n), each (n,) in N s, of compression and decompression together."""
+    """Impulse (c_t, c_n) or (c_t1, c_t2, c_n), each (n,) in N s, summed over compression and decompression."""
     if space.dimension == 3:
         return _in_space(space, mu, epsilon)
     c_t, c_n = impulse_to_normal_velocity(space, mu, -space.v_n)

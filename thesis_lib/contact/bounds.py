@@ -1,15 +1,15 @@
-"""Post-hoc bounds: the best that any rigid point impulse could do, and the best of a set of laws (thesis 3.3.2).
+"""Post-hoc bounds: the smallest error of any rigid point impulse, and of the best in a set of laws (thesis 3.3.2).
 
-IRB Bound: of all admissible impulses (pushing, not penetrating, not gaining energy: thesis, figure 3-2) the one
-with the least velocity error √(|δv|² + δωᵀ G δω), in the plane with G = k².  In that metric the error is, up to the
-part that no impulse through the contact point can reach, the distance (c − c_irb)ᵀ M_C⁻¹ (c − c_irb), the same
-quadratic form that bounds the energy.  With M_C⁻¹ = L Lᵀ and z = Lᵀ c the energy ellipse is a ball about
-z_0 = −L⁻¹ v_C, and
+IRB Bound: the admissible impulse (it pushes, does not penetrate, does not gain energy: thesis, figure 3-2) with the
+least velocity error √(|δv|² + δωᵀ G δω), where G = k² in the plane.  Apart from a residual that no impulse through
+the contact point can reduce, the squared error times the mass is (c − c_irb)ᵀ M_C⁻¹ (c − c_irb), the quadratic form
+that also bounds the energy.  With M_C⁻¹ = L Lᵀ and z = Lᵀ c the energy ellipse is a ball about z_0 = −L⁻¹ v_C, and
 
-    v_n⁺ ≥ 0   is a half-space whose face goes through the centre of the ball,
-    c_n ≥ 0    is a half-space whose face goes through z = 0, which lies on its sphere,
+    v_n⁺ ≥ 0   is a half-space whose boundary passes through the centre of the ball,
+    c_n ≥ 0    is a half-space whose boundary passes through z = 0, a point on the surface of the ball.
 
-so the bound is the Euclidean projection of a point onto the part of a ball cut off by two planes: exact and batched.
+The bound is therefore the Euclidean projection of a point onto a ball cut by two planes, which is computed exactly
+for all impacts at once.
 """
 
 from dataclasses import dataclass
@@ -21,12 +21,12 @@ from thesis_lib.contact.space import contact_space, velocity_change, velocity_er
 from thesis_lib.mechanics.contact import Contact
 from thesis_lib.mechanics.space import PLANE, SPACE
 
-TOLERANCE = 1e-10  # of the ball's radius: candidates lie on the boundaries only up to rounding
+TOLERANCE = 1e-10  # relative to the ball's radius: candidates lie on the boundaries only up to rounding
 
 
 @dataclass(frozen=True)
 class BestImpulse:
-    """Post-hoc best of n impacts: impulse (n, 2) in N s, v_post (n, 3) in m/s and rad/s, kinetic error (n,) in m/s."""
+    """Best post-hoc impulses (n, 2) in N s of n impacts, v_post (n, 3) in m/s and rad/s, kinetic error (n,) in m/s."""
 
     impulse: np.ndarray
     v_post: np.ndarray
@@ -34,7 +34,7 @@ class BestImpulse:
 
 
 def irb_bound(v_pre: np.ndarray, v_post: np.ndarray, r: np.ndarray, *, mass: float, k_g: float) -> BestImpulse:
-    """Ideal Rigid-Body Bound: best admissible impulse for each measured impact in the plane.
+    """Ideal Rigid-Body Bound: the best admissible impulse for each measured impact in the plane.
 
     Args:
         v_pre, v_post: (n, 3) measured velocities, m/s and rad/s; impacts must approach (v_n < 0).
@@ -48,7 +48,7 @@ def irb_bound(v_pre: np.ndarray, v_post: np.ndarray, r: np.ndarray, *, mass: flo
 
 
 def best_impulse(at: Contact, dv: np.ndarray) -> np.ndarray:
-    """Admissible impulse (d, n) in N s that comes nearest to measured changes `dv` (d + turns, n) in m/s, rad/s."""
+    """Admissible impulse (d, n) in N s that best explains measured changes `dv` (d + turns, n) in m/s, rad/s."""
     space = PLANE if at.dimension == 2 else SPACE
     d = space.dimension
     v, wanted = np.array([*at.v]).T[:, :, None], space.velocity_at(dv[:d], dv[d:], at.r).T[:, :, None]
@@ -65,9 +65,9 @@ def best_impulse(at: Contact, dv: np.ndarray) -> np.ndarray:
 def project_on_cut_ball(target: np.ndarray, centre: np.ndarray, normal: np.ndarray) -> np.ndarray:
     """Nearest point to `target` in {|z − centre| ≤ |centre|, normal·(z − centre) ≥ 0, z_d ≥ 0}; all (n, d).
 
-    The nearest point is that of the ball in the intersection of those faces on which it lies; of the candidates that
-    belong to all choices of faces it is the feasible one that is nearest.  The set is never empty: it holds the impulse
-    of a frictionless plastic impact.
+    For each choice of faces (none, one or both), the candidate is the nearest point of the ball within their
+    intersection; the result is the nearest feasible candidate.  The set is never empty: it contains the impulse of a
+    frictionless plastic impact.
     """
     n, d = target.shape
     radius, up = np.linalg.norm(centre, axis=1), np.zeros((n, d))
@@ -78,7 +78,7 @@ def project_on_cut_ball(target: np.ndarray, centre: np.ndarray, normal: np.ndarr
         middle, nearest = np.zeros((n, d)), away
         if active := list(compress(faces, chosen)):
             A, b = np.stack([a for a, _ in active], 1), np.stack([b for _, b in active], 1)
-            back = np.linalg.pinv(A)  # of parallel faces, the point between them
+            back = np.linalg.pinv(A)  # for parallel faces, the point midway between them
             middle = (back @ b[:, :, None])[:, :, 0]
             nearest = middle + away - (back @ (A @ away[:, :, None]))[:, :, 0]
         room = np.sqrt(np.maximum(radius**2 - (middle**2).sum(axis=1), 0.0))
@@ -93,10 +93,10 @@ def project_on_cut_ball(target: np.ndarray, centre: np.ndarray, normal: np.ndarr
 
 
 def best_post_hoc(errors: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Best Post Hoc: index and error (n,) of the best law for each impact, from errors (n, laws) in m/s.
+    """Best Post Hoc: index and error (n,) of the best law for each impact, given errors (n, laws) in m/s.
 
     Raises:
-        ValueError: an impact has no finite error at all.
+        ValueError: no law has a finite error at some impact.
     """
     usable = np.where(np.isfinite(errors), errors, np.inf)
     best = np.argmin(usable, axis=1)

@@ -1,4 +1,4 @@
-"""Coulomb's law on a total impulse in space: a circular cone, and friction against the slip that is left.
+"""Coulomb's law on a total impulse in space: circular cone, and friction against the remaining slip.
 
 With the normal impulse eliminated (Schur complement), the tangential impulse c, a vector in the surface, obeys
 
@@ -6,13 +6,13 @@ With the normal impulse eliminated (Schur complement), the tangential impulse c,
     either        u = 0 and |c| ≤ ℓ − s·c            (stick)
     or            u = −λ c, λ > 0, |c| = ℓ − s·c      (slide),
 
-so that c = −(A + λ)⁻¹ b, with the one unknown λ.  In the principal axes of A, with a_1 and a_2 its values and
-multiplied by D = (a_1 + λ)(a_2 + λ), the edge of the cone is
+so that c = −(A + λ)⁻¹ b with the single unknown λ.  In the principal axes of A, with its principal values a_1 and a_2,
+and multiplied by D = (a_1 + λ)(a_2 + λ), the edge of the cone is
 
     |N(λ)| = ℓ D(λ) − s·N(λ),    N = −((a_2 + λ) b_1, (a_1 + λ) b_2),    c = N / D,
 
-which is solved by Newton's method (`sliding/cone.py`).  Where a stick impulse exists it is taken; of 200 000 random
-impacts all others had one root (with ℓ > 0 there is at least one).
+which is solved by Newton's method (`sliding/cone.py`).  A stick impulse is taken if it exists; of 200 000 random
+impacts, all others had exactly one root (if ℓ > 0 there is at least one).
 
 | problem                                   | A                 | b               | ℓ          | s            |
 |-------------------------------------------|-------------------|-----------------|------------|--------------|
@@ -35,7 +35,7 @@ Pair = tuple[np.ndarray, np.ndarray]
 
 
 class Principal(NamedTuple):
-    """Principal values (n,) of symmetric matrices of order 2, and cosine and sine of the angle to the first axis."""
+    """Principal values (n,) of symmetric 2 × 2 matrices, and cosine and sine of the angle to the first axis."""
 
     first: np.ndarray
     second: np.ndarray
@@ -43,11 +43,11 @@ class Principal(NamedTuple):
     sin: np.ndarray
 
     def into(self, x: Pair) -> Pair:
-        """Components along the principal axes."""
+        """Components along the principal axes of vectors given along the surface axes."""
         return self.cos * x[0] + self.sin * x[1], self.cos * x[1] - self.sin * x[0]
 
     def back(self, x: Pair) -> Pair:
-        """Components along the axes of the surface."""
+        """Components along the surface axes of vectors given along the principal axes."""
         return self.cos * x[0] - self.sin * x[1], self.cos * x[1] + self.sin * x[0]
 
 
@@ -60,9 +60,9 @@ def principal(A_11: np.ndarray, A_12: np.ndarray, A_22: np.ndarray) -> Principal
 
 
 def cone_point(a: Pair, b: Pair, limit: np.ndarray, slope: Pair | None = None) -> Pair:
-    """The tangential impulse c of the module's problem, in principal axes; arrays broadcast.
+    """Tangential impulse c that solves the module's problem, in principal axes; arrays broadcast.
 
-    Principal values a and vector b, ℓ = `limit`, s = `slope`.  With ℓ = 0 and s = 0 there is no friction.
+    `a` holds the principal values of A; ℓ is `limit` and s is `slope`.  ℓ = 0 and s = 0 mean no friction.
     """
     from thesis_lib.contact.sliding.cone import impulses
 
@@ -86,7 +86,7 @@ def impulse_to_normal_velocity(contact: Contact, mu: np.ndarray, dv_n: np.ndarra
 
 
 def friction_at(contact: Contact, v_t: Pair, limit: np.ndarray) -> Pair:
-    """Friction impulse (2 of (n,)) in N s of at most `limit` (n,) against the slip that is left of v_t, in m/s."""
+    """Friction impulse (2 of (n,)) in N s, at most `limit` (n,), against what remains of the slip `v_t` in m/s."""
     K = contact.K
     axes = principal(K[0][0], K[0][1], K[1][1])
     return axes.back(cone_point((axes.first, axes.second), axes.into(v_t), limit))

@@ -1,17 +1,17 @@
 """Drumwright-Shell: the impulse of maximum dissipation, with restitution on the normal impulse.
 
 Plastic stage: minimise the kinetic energy ½ cᵀ M_C⁻¹ c + v_Cᵀ c over the friction cone with v_n⁺ ≥ 0; the total
-impulse is (c_t, (1 + ε) c_n): friction has no part in restitution.
+impulse is (c_t, (1 + ε) c_n): restitution leaves the friction impulse unchanged.
 
-As defined, the normal impulse is also bounded by that of the frictionless plastic impact, c_n ≤ κ = −v_n / K_nn.
-The feasible set is then the triangle between the line of maximum compression (through (0, κ)), the line c_n = κ
-and one edge of the cone, the one on the side on which friction lifts the contact, c_t K_tn ≥ 0.  The optimum is
-the stick impulse, which lies on the line of maximum compression, if that is feasible; otherwise it lies on the
-side of the triangle that the stick impulse violates.
+As defined, the normal impulse is at most that of the frictionless plastic impact, c_n ≤ κ = −v_n / K_nn.
+The feasible set is then a triangle, bounded by the line of maximum compression (through (0, κ)), the line c_n = κ
+and the edge of the cone on the side on which friction lifts the contact, c_t K_tn ≥ 0.  The optimum is the stick
+impulse, which lies on the line of maximum compression, if this impulse is feasible; otherwise the optimum lies on
+the side of the triangle that the stick impulse violates.
 
-As published (the authors' code), there is no such bound: the optimum is the stick impulse if it lies in the cone,
-else on an edge c = t (−s μ, 1) at t = max(t_E, t_0), t_E the least energy on the edge and t_0 where v_n⁺ = 0; of
-the two edges the one with less energy.
+As published (the authors' code), this bound is absent: the optimum is the stick impulse if it lies in the cone,
+else c = t (−s μ, 1) on an edge, with t = max(t_E, t_0), where t_E minimises the energy on the edge and v_n⁺ = 0 at
+t_0; of the two edges the code takes the one with less energy.
 
 Source: Drumwright and Shell, WAFR 2010, doi:10.1007/978-3-642-17452-0_15; thesis section 3.3.2.
 """
@@ -27,7 +27,7 @@ def impulse(space: Contact, mu: np.ndarray, epsilon: np.ndarray) -> tuple[np.nda
     stick_t, stick_n = space.impulse_to(0.0, 0.0)
     kappa = -space.v_n / space.K_nn
     limit = mu * kappa
-    # the side c_n = κ: least energy at c_t = −(v_t + K_tn κ) / K_tt, kept where friction lifts (both if K_tn = 0)
+    # side c_n = κ: least energy at c_t = −(v_t + K_tn κ) / K_tt, clipped to where friction lifts (all if K_tn = 0)
     c_t = (space.v_t + space.K_tn * kappa) / -space.K_tt
     lower = np.where(space.K_tn > 0.0, 0.0, -limit)
     upper = np.where(space.K_tn < 0.0, 0.0, limit)
@@ -45,7 +45,7 @@ def impulse(space: Contact, mu: np.ndarray, epsilon: np.ndarray) -> tuple[np.nda
 
 
 def impulse_as_published(space: Contact, mu: np.ndarray, epsilon: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Impulse (c_t, c_n), each (n,) in N s, of the authors' code: without the bound."""
+    """Impulse (c_t, c_n), each (n,) in N s, by the authors' code, without the bound."""
     stick_t, stick_n = space.impulse_to(0.0, 0.0)
     energies, ts = [], []
     for slope in (mu, -mu):
@@ -53,7 +53,7 @@ def impulse_as_published(space: Contact, mu: np.ndarray, epsilon: np.ndarray) ->
         t = np.maximum(t_E, t_0)
         stiffness = space.K_nn + slope * (2.0 * space.K_tn + slope * space.K_tt)
         energy = t * (0.5 * stiffness * t + space.v_n + slope * space.v_t)
-        # K_nn + slope K_tn ≤ 0: no point of this edge reaches v_n⁺ ≥ 0
+        # if K_nn + slope K_tn ≤ 0, no point on this edge reaches v_n⁺ ≥ 0
         energies.append(np.where(space.K_nn + slope * space.K_tn > 0.0, energy, np.inf))
         ts.append(t)
     right = energies[0] < energies[1]
@@ -64,7 +64,7 @@ def impulse_as_published(space: Contact, mu: np.ndarray, epsilon: np.ndarray) ->
 
 
 def _edge_optima(space: Contact, slope: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """On the edge c = t (slope, 1): t of least energy, and t at which v_n⁺ = 0."""
+    """Parameters t on the edge c = t (slope, 1) at which the energy is least and at which v_n⁺ = 0."""
     reach = space.K_nn + slope * space.K_tn
     stiffness = reach + slope * (space.K_tn + slope * space.K_tt)
     return -(space.v_n + slope * space.v_t) / stiffness, -space.v_n / reach

@@ -1,7 +1,7 @@
-"""Interface of an impact law: a name, an impulse for (contact, μ, ε), in the plane or in space, and its promises.
+"""Interface of an impact law: name, impulse as a function of (contact, μ, ε), and guaranteed properties.
 
-A law never fails in silence: every impact gets a status.  `Law.impulse` broadcasts, so that a whole grid of parameters
-(G, 1) against n impacts (n,) is one call; calling the law itself checks its input first.
+A law never fails silently: every impact has a status.  `Law.impulse` broadcasts: one call evaluates a whole grid of
+parameters (G, 1) for n impacts (n,).  Calling the law itself also checks the input.
 """
 
 import enum
@@ -14,21 +14,21 @@ import numpy as np
 from thesis_lib.mechanics.contact import Contact, contact_at, velocity_change
 from thesis_lib.mechanics.space import PLANE, SPACE, Space
 
-if TYPE_CHECKING:  # numba comes with it
+if TYPE_CHECKING:  # the module imports numba
     from thesis_lib.contact.compliant.normal_force import NormalForce
 
 
 class Status(enum.IntEnum):
-    """Outcome of a law for one impact."""
+    """Status of the impulse that a law gives for one impact."""
 
     OK = 0
-    NOT_APPROACHING = 1  # v_n ≥ 0 before impact: there is nothing to resolve, the impulse is zero
+    NOT_APPROACHING = 1  # v_n ≥ 0 before impact: the impulse is zero
     NO_SOLUTION = 2  # the law has no finite impulse for this state
-    INVALID_INPUT = 3  # NaN or infinity in the state; the outcome is NaN
+    INVALID_INPUT = 3  # NaN or infinity in the state; the result is NaN
 
 
 class Promise(enum.StrEnum):
-    """Properties that a law may promise; momentum holds for all, mirror symmetry wherever the impulse pushes."""
+    """Properties that a law may guarantee; all laws balance momentum, and mirror symmetry where the impulse pushes."""
 
     NON_PENETRATION = "v_n⁺ ≥ 0"
     FRICTION_CONE = "|c_t| ≤ μ c_n, c_n ≥ 0"
@@ -41,7 +41,7 @@ class Promise(enum.StrEnum):
 
 
 ImpulseFunction = Callable[[Contact, np.ndarray, np.ndarray], tuple[np.ndarray, ...]]
-ROUNDING = 1e-9  # relative to speed or energy: rounding, amplified by the condition of M_C
+ROUNDING = 1e-9  # relative to speed or energy: rounding error, amplified by the condition number of M_C
 
 
 @dataclass(frozen=True)
@@ -65,19 +65,19 @@ class Law:
 
     Attributes:
         name: key in `LAWS`.
-        title: as in tables and figures.
+        title: name shown in tables and figures.
         impulse: (contact, mu, epsilon) -> (c_t, c_n), in space (c_t1, c_t2, c_n), in N s, arrays that broadcast; for
             approaching contacts (v_n < 0).
-        promises: what holds for every impact.
-        breaks: promises that it breaks, with the share of impacts in which it does (in the tests' reference draw).
-        dimensions: 2 if it is a law of the plane, 3 if of space.
-        breaks_in_space: as `breaks`, in the reference draw of impacts in space; what a law breaks there and not in the
-            plane may stand in `promises`.
-        accuracy_in_space: how far the impulse is off in space, relative to the speed, if it is integrated.
-        reference: where the law is defined.
+        promises: properties that hold for every impact.
+        breaks: properties that the law violates, with the fraction of impacts that do so in the tests' reference draw.
+        dimensions: contains 2 if the law holds in the plane, 3 if it holds in space.
+        breaks_in_space: as `breaks`, for the reference draw of impacts in space; a property that is violated only in
+            space may be listed in `promises`.
+        accuracy_in_space: error of the impulse in space, relative to the speed, if it is integrated numerically.
+        reference: publication that defines the law.
         mu_unit: unit of μ; "1" except for the viscous variant.
-        force: of a contact that takes time, whose limit `impulse` is.
-        engine: physics engine whose own contact takes the place of `force`, which is near it; "" for a law.
+        force: normal force of a contact of finite duration, of which `impulse` is the rigid limit.
+        engine: physics engine whose own contact model replaces `force`, which approximates it; "" for a law.
     """
 
     name: str
@@ -95,7 +95,7 @@ class Law:
 
     @property
     def as_published(self) -> bool:
-        """Whether this is the authors' code rather than the law that it is named after."""
+        """Whether this is the authors' published code rather than the law as defined."""
         return self.name.endswith("_as_published")
 
     def __call__(
@@ -109,7 +109,7 @@ class Law:
         mu: float | np.ndarray,
         epsilon: float | np.ndarray,
     ) -> Outcome:
-        """Resolve n impacts at once, in the plane with `k_g`, in space with `inertia`.
+        """Return velocities and impulses of n impacts, in the plane if `k_g` is given, in space if `inertia` is.
 
         Args:
             v_pre: (n, 3) velocity (v_x, v_y, ω) before impact, m/s and rad/s; in space (n, 6).
@@ -121,8 +121,8 @@ class Law:
             epsilon: coefficient of restitution, scalar or (n,).
 
         Raises:
-            ValueError: wrong shapes, mass, k_g or inertia not positive, μ < 0, ε outside [0, 1], or either NaN; the law
-                does not hold in space.
+            ValueError: a shape is wrong; mass, k_g or inertia is not positive; μ < 0; ε is outside [0, 1]; μ or ε is
+                NaN; or the law does not hold in this dimension.
         """
         v_pre, r = np.asarray(v_pre, dtype=float), np.asarray(r, dtype=float)
         mu, epsilon = np.asarray(mu, dtype=float), np.asarray(epsilon, dtype=float)
@@ -132,11 +132,11 @@ class Law:
         _check(v_pre, r, mass, mu, epsilon, space)
         mobility = _mobility(mass, k_g, inertia, len(v_pre))
         d, inverse_mass = space.dimension, 1.0 / mass
-        with np.errstate(all="ignore"):  # the status says what went wrong
+        with np.errstate(all="ignore"):  # the status reports failures
             contact = contact_at(space, v_pre.T[:d], v_pre.T[d:], r.T, mobility, inverse_mass)
             c = tuple(self.impulse(contact, mu, epsilon))
             status = np.zeros(len(v_pre), dtype=np.int8)
-            # an infinite velocity can give a finite impulse: look at the input, too
+            # an infinite velocity can give a finite impulse: also check the input
             if not np.isfinite(sum(part.sum() for part in c) + v_pre.sum() + r.sum()):
                 status[~np.isfinite(sum(c))] = Status.NO_SOLUTION
                 valid = np.isfinite(v_pre).all(axis=1) & np.isfinite(r).all(axis=1)
@@ -173,13 +173,13 @@ def _check(v_pre: np.ndarray, r: np.ndarray, mass: float, mu: np.ndarray, epsilo
 
 
 def _mobility(mass: float, k_g: float | None, inertia: np.ndarray | None, n: int) -> np.ndarray | float:
-    """Angular velocity per unit of couple: 1/(m k²) in the plane, (3, 3, n) in space."""
+    """Angular velocity per unit of angular impulse: 1/(m k²) in the plane, (3, 3, n) in space."""
     if inertia is None:
         if not (k_g is not None and mass > 0 and k_g > 0 and np.isfinite(mass) and np.isfinite(k_g)):
             raise ValueError(f"mass and k_g must be positive, got mass={mass}, k_g={k_g}")
         return 1.0 / (mass * k_g * k_g)
     if k_g is not None:
-        raise ValueError("give k_g (in the plane) or inertia (in space), not both")
+        raise ValueError("give either k_g (in the plane) or inertia (in space), not both")
     G = np.asarray(inertia, dtype=float)
     if G.shape not in ((3, 3), (n, 3, 3)):
         raise ValueError(f"inertia must have shape (3, 3) or ({n}, 3, 3), got {G.shape}")

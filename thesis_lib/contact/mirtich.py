@@ -1,7 +1,7 @@
 """Mirtich: incremental friction along the impulse path with Stronge's energetic restitution.
 
 W(p) = ∫ v_n dp is the work of the normal impulse, W_c < 0 at maximum compression.  The impact ends when restitution
-has given back ε² |W_c|, that is at W = (1 − ε²) W_c.
+has returned the work ε² |W_c|, that is, at W = (1 − ε²) W_c.
 
 As defined, on the path of Coulomb's law (slip_path.py):
     the first slip lasts to the end       c_n = (1 + ε) p_c
@@ -9,7 +9,7 @@ As defined, on the path of Coulomb's law (slip_path.py):
                                           W_s = v_n p_s + b p_s²/2,
                                           W_c = W_s − u²/(2 b₂) if u < 0 (in compression), else −v_n²/(2 b).
 
-In space the direction of slip turns on the way (slip_hodograph.py).
+In space the direction of slip turns along the path (slip_hodograph.py).
 
 As published (the authors' code): the tangential rate is *viscous*, dc_t/dp = −μ v_t instead of −μ sign(v_t), and
 μ has the unit s/m.  With κ = μ K_tt the slip is v_t(p) = v_t φ₀ + K_tn φ₁, φ₀ = exp(−κ p), φ_{i+1} = ∫ φ_i dp.
@@ -27,10 +27,10 @@ from thesis_lib.contact.law import Law, Promise
 from thesis_lib.contact.slip_path import slip_path, tangential_impulse
 from thesis_lib.mechanics.contact import Contact
 
-SERIES_BELOW = 1e-3  # κp: four terms are then exact to rounding
+SERIES_BELOW = 1e-3  # in κp: four terms of the series are then exact to rounding
 EPS = np.finfo(float).eps
 MAX_STEPS = 100  # Newton needs about 8; bisection alone would need 50 to reach rounding error
-RELATIVE_STEP = 1e-11  # of the unknown: above the rounding error of most functions; Newton squares it
+RELATIVE_STEP = 1e-11  # relative to the unknown, above most rounding errors; Newton's step squares the error
 
 
 def impulse(
@@ -38,7 +38,7 @@ def impulse(
 ) -> tuple[np.ndarray, ...]:
     """Impulse (c_t, c_n) or (c_t1, c_t2, c_n), each (n,) in N s, at the end of restitution.
 
-    `mu_after` is as in `slip_path`.
+    `mu_after` is explained in `slip_path`.
     """
     if space.dimension == 3:
         return slip_hodograph.impulse(space, mu, epsilon, slip_hodograph.Restitution.STRONGE, mu_after)
@@ -51,7 +51,7 @@ def impulse(
     in_compression = u < 0.0
     half_u2 = 0.5 * u * u
     W_c = np.where(in_compression, W_s - half_u2 / path.b2, space.v_n * space.v_n / (-2.0 * path.b))
-    # v_n at the end, b₂ (c_n − p_s) + u; ε √(−2 b₂ W_c) where slip ends in compression
+    # v_n at the end, b₂ (c_n − p_s) + u; equals ε √(−2 b₂ W_c) if slip ends in compression
     gained = np.where(in_compression, -epsilon * epsilon * W_c, (1.0 - epsilon * epsilon) * W_c - W_s)
     v_end = np.sqrt(2.0 * np.maximum(path.b2 * gained + np.where(in_compression, 0.0, half_u2), 0.0))
     c_n = np.where(slip_ends, p + (v_end - u) / path.b2, c_n)
@@ -59,11 +59,11 @@ def impulse(
 
 
 def impulse_as_published(space: Contact, mu: np.ndarray, epsilon: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Impulse (c_t, c_n), each (n,) in N s, of the authors' code: viscous tangential rate; μ in s/m."""
+    """Impulse (c_t, c_n), each (n,) in N s, by the authors' code: viscous tangential rate; μ in s/m."""
     kappa = mu * space.K_tt
 
     def integrals(p: np.ndarray, count: int) -> list[np.ndarray]:
-        # φ₀ = e^{−κp} and its first `count` repeated integrals over p; by their series where κp is small
+        # φ₀ = e^{−κp} and its first `count` repeated integrals over p; by power series where κp is small
         x = kappa * p
         lost = np.expm1(-x)
         phi = [1.0 + lost]
@@ -81,7 +81,7 @@ def impulse_as_published(space: Contact, mu: np.ndarray, epsilon: np.ndarray) ->
         return phi
 
     def slip(v_t: np.ndarray, p: np.ndarray, orders: tuple[int, ...]) -> list[np.ndarray]:
-        # from v_t on: v_t(p) = v_t φ₀ + K_tn φ₁ (order 0), its integral (1) and its double integral (2)
+        # slip that starts at v_t: v_t(p) = v_t φ₀ + K_tn φ₁ (order 0), its integral (1), its double integral (2)
         phi = integrals(p, orders[-1] + 1)
         return [v_t * phi[i] + space.K_tn * phi[i + 1] for i in orders]
 
@@ -94,7 +94,7 @@ def impulse_as_published(space: Contact, mu: np.ndarray, epsilon: np.ndarray) ->
     v_c, slid, slid_twice = slip(space.v_t, p_c, (0, 1, 2))
     W_c = p_c * (space.v_n + 0.5 * space.K_nn * p_c) - mu * space.K_tn * slid_twice
 
-    # restitution is counted from p_c, where v_n = 0: from p = 0 small ε would be lost in rounding
+    # integrate restitution from p_c, where v_n = 0: from p = 0, rounding would hide a small ε
     def missing_work(d: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         slid, slid_twice = slip(v_c, d, (1, 2))
         work = 0.5 * space.K_nn * d * d - mu * space.K_tn * slid_twice + epsilon * epsilon * W_c
@@ -110,7 +110,7 @@ LAW = Law(
     impulse=impulse,
     promises=frozenset(Promise),
     dimensions=frozenset({2, 3}),
-    breaks_in_space={Promise.STICKS: 0.00133},  # slip that turns can outlast the impact
+    breaks_in_space={Promise.STICKS: 0.00133},  # turning slip can outlast the impact
     reference="Mirtich 1996; Stronge 1990, doi:10.1098/rspa.1990.0125",
 )
 
@@ -123,7 +123,7 @@ LAW_AS_PUBLISHED = Law(
         Promise.FRICTION_CONE: 0.192,
         Promise.HOMOGENEOUS: 1.0,
         Promise.CENTRAL: 0.978,
-        Promise.STICKS: 1.0,  # the slip that is left falls only with 1/μ
+        Promise.STICKS: 1.0,  # the remaining slip falls only as 1/μ
     },
     reference="authors' code, github.com/mcubelab/planar-impact-dataset",
     mu_unit="s/m",
@@ -136,9 +136,9 @@ def increasing_root(
     start: np.ndarray,
     floor: float | np.ndarray = 0.0,
 ) -> np.ndarray:
-    """Roots (n,) above `low` of functions that are negative before and positive after; NaN where none was found.
+    """Roots (n,) above `low` of functions that are negative before and positive after their root; NaN where not found.
 
-    `function` gives values and slopes, each (n,).  A step below `floor` ends the search.
+    `function` returns values and slopes, each (n,).  A step smaller than `floor` ends the search.
     """
     p, high = start, np.full(np.shape(start), np.inf)
     for _ in range(MAX_STEPS):

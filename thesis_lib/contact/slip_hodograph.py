@@ -1,25 +1,25 @@
 """Coulomb's law along the path of an impact in space, where the direction of slip turns (Routh, Darboux, Keller).
 
-With the normal impulse p as "time" the slip x and the normal velocity of the contact point move by
+With the normal impulse p as "time", the slip x and the normal velocity of the contact point obey
 
     dx/dp = k − μ K_tt x/|x|,    v_n = v_n0 + α·(x − x_0) + S p,    α = K_tt⁻¹ k,  S = K_nn − k·α,
 
-until the impact ends, or slip does.  Slip that has ended sticks, dc/dp = −α, if |α| ≤ μ, else it goes on in the one
-direction in which it grows (`circular_cone`); from there on all is straight, and in closed form.
+until the impact or the slip ends.  When slip has ended, the contact sticks, dc/dp = −α, if |α| ≤ μ; else it slips on
+in the one direction in which slip grows (`circular_cone`).  The rest of the path is straight and has closed form.
 
-While it slips with g = dV/dp, V = |x|, and turns with dθ/dp = f/V, a Runge-Kutta step of order 4 is as long as x
-allows: a turn by 0.1 rad, or a quarter of the slip.  Slip is straight once its direction keeps itself (f = 0) and, if
-it does so only nearly, is drawn to it; the plane is the case in which it is straight from the beginning.  So no slip
-has to be regularised: sticking is exact, and the impulse is homogeneous in the velocity.  In random impacts the impulse
-is off by 1e-7 of the contact speed in the median, 1.4e-4 at most; 28 steps are made on average, 240 at most.
+While the contact slips with g = dV/dp, V = |x|, and turns with dθ/dp = f/V, the length of each Runge-Kutta step of
+order 4 is limited by x: a turn of 0.1 rad, or a quarter of the slip.  The slip path counts as straight once its
+direction is stationary (f = 0), or nearly so and attracted to a stationary direction; in the plane it always is.  Slip
+needs no regularisation: sticking is exact, and the impulse is homogeneous in the velocity.  In random impacts the error
+of the impulse relative to the contact speed is 1e-7 (median), at most 1.4e-4, after 28 steps on average, at most 240.
 
-The impact ends at p_f, with p_c at the end of compression, v_n = 0:
+The impact ends at p_f; p_c is the end of compression, v_n = 0:
 
 | restitution | ends where                               |
 |-------------|------------------------------------------|
 | Newton's    | v_n = −ε v_n0                            |
 | Poisson's   | p = (1 + ε) p_c                          |
-| Stronge's   | ∫ v_n dp from p_c = ε² times that before |
+| Stronge's   | ∫ v_n dp after p_c = −ε² ∫ v_n dp before |
 
 Sources: Routh, Dynamics of a System of Rigid Bodies, 1860; Keller, J. Appl. Mech. 53 (1986), doi:10.1115/1.3171712;
 Bhatt and Koechling, J. Appl. Mech. 62 (1995), p. 893; Stronge, Proc. R. Soc. A 431 (1990),
@@ -34,7 +34,7 @@ from thesis_lib.contact.circular_cone import cone_point, principal
 from thesis_lib.mechanics.contact import Contact
 
 STEPS = 240
-TURN = 0.1  # rad a step: what the errors above belong to; they fall with its fourth power
+TURN = 0.1  # rad per step; the errors above are for this value and fall with its fourth power
 
 
 class Restitution(enum.StrEnum):
@@ -45,13 +45,13 @@ class Restitution(enum.StrEnum):
     STRONGE = "W = (1 − ε²) W_c"
 
 
-@np.errstate(all="ignore")  # what has no finite end is not finite
+@np.errstate(all="ignore")  # an impact that has no finite end gives a non-finite impulse
 def impulse(
     contact: Contact, mu: np.ndarray, epsilon: np.ndarray, rule: Restitution, mu_after: np.ndarray | None = None
 ) -> tuple[np.ndarray, ...]:
     """Impulse (c_t1, c_t2, c_n), each (n,) in N s, at the end of restitution.
 
-    `mu_after` (n,) is the coefficient once the first slip has ended, `mu` (n,) if not given.
+    `mu_after` (n,) is the coefficient of friction after the first slip has ended; default `mu` (n,).
     """
     from thesis_lib.contact.sliding.compiled import impulses
 

@@ -1,4 +1,4 @@
-"""Contact space of a planar body that touches a level surface (thesis section 3.3.1, equations 3.2 to 3.6).
+"""Contact space of a planar body that touches a horizontal surface (thesis section 3.3.1, equations 3.2 to 3.6).
 
 | on paper        | in code                | unit     | shape  |                                            |
 |-----------------|------------------------|----------|--------|--------------------------------------------|
@@ -11,7 +11,7 @@
 | α               | `alpha`                | 1        | (n,)   | contact-space energy after over before     |
 
 Contact frame: t = +x, n = +y, so J_t = [1, 0, −r_y] and J_n = [0, 1, r_x].
-Equation 3.6 of the thesis needs M_C on its right-hand side, as in equation 4.5; it is used here so corrected.
+Equation 3.6 of the thesis lacks M_C on its right-hand side (compare equation 4.5); the corrected form is used here.
 Source of the energy ellipse: Chatterjee and Ruina, J. Appl. Mech. 65 (1998), doi:10.1115/1.2791929.
 """
 
@@ -23,11 +23,11 @@ from thesis_lib.mechanics.contact import Contact, contact_at
 from thesis_lib.mechanics.contact import velocity_change as change_of_motion
 from thesis_lib.mechanics.space import PLANE
 
-ContactSpace = Contact  # the thesis's name, by which laws of one's own import it
+ContactSpace = Contact  # the thesis's name; user-defined laws import the class under this name
 
 
 def contact_space(v_pre: np.ndarray, r: np.ndarray, *, mass: float, k_g: float) -> Contact:
-    """Contacts of impacts with velocity `v_pre` (..., 3) and contact point `r` (..., 2) in m (eq. 3.4).
+    """Contacts for impacts with velocity `v_pre` (..., 3) and contact point `r` (..., 2) in m (eq. 3.4).
 
     K_tt = 1/m + r_y²/I,  K_nn = 1/m + r_x²/I,  K_tn = −r_x r_y/I,  with I = m k².
     """
@@ -45,16 +45,16 @@ def velocity_change(c_t: np.ndarray, c_n: np.ndarray, r: np.ndarray, *, mass: fl
 
 
 def measured_impulse(dv: np.ndarray, r: np.ndarray, *, mass: float, k_g: float) -> tuple[np.ndarray, np.ndarray]:
-    """Impulse (c_t, c_n) in N s that explains a measured velocity change (..., 3) best: c_irb = M_C J Δv (eq. 3.7).
+    """Impulse (c_t, c_n) in N s that best explains a measured velocity change (..., 3): c_irb = M_C J Δv (eq. 3.7).
 
-    The least squares of eq. 3.7 is taken in the kinetic metric √(Δv_x² + Δv_y² + (k Δω)²), in which an error of
-    ω counts by the velocity that it gives at distance k; our choice, because the thesis leaves the norm's units open.
+    The least-squares norm of eq. 3.7 is the kinetic metric √(Δv_x² + Δv_y² + (k Δω)²), which converts an error of ω
+    to a velocity at distance k.  This is our choice: the thesis leaves the units of the norm open.
     """
     return contact_space(-dv, r, mass=mass, k_g=k_g).impulse_to(0.0, 0.0)
 
 
 def residual_couple(dv: np.ndarray, r: np.ndarray, *, mass: float, k_g: float) -> np.ndarray:
-    """Couple τ (n,) in N m s about the contact point that no point impulse can give.
+    """Couple τ (n,) in N m s about the contact point, which no point impulse can produce.
 
     τ = m (k² Δω − r_x Δv_y + r_y Δv_x), counter-clockwise; zero for every impulse through the contact point.
     """
@@ -68,12 +68,12 @@ def velocity_error(dv: np.ndarray, k_g: float) -> np.ndarray:
 
 @dataclass(frozen=True)
 class EnergyEllipse:
-    """Geometry of the energy ellipse (eq. 3.6) of one or n impacts, for figures and for the bounds.
+    """Geometry of the energy ellipses (eq. 3.6) of n impacts, for figures and for the bounds.
 
     Attributes:
-        centre: (n, 2) full-plastic stick impulse −M_C v_C, N s.
-        semi_axes: (n, 2) lengths at α = 1, major first, N s.
-        angle: (n,) of the major axis from the t axis, rad.
+        centre: (n, 2) impulse −M_C v_C of a plastic impact that sticks, N s.
+        semi_axes: (n, 2) lengths at α = 1, the major one first, N s.
+        angle: (n,) angle from the t axis to the major axis, rad.
     """
 
     centre: np.ndarray
@@ -81,7 +81,7 @@ class EnergyEllipse:
     angle: np.ndarray
 
     def outline(self, alpha: float = 1.0, points: int = 181) -> np.ndarray:
-        """Points (n, points, 2) in N s of the ellipse at level `alpha`."""
+        """Points (n, points, 2) in N s on the ellipses of level `alpha`."""
         phase = np.linspace(0.0, 2.0 * np.pi, points)
         axes = np.sqrt(alpha) * self.semi_axes
         x, y = axes[:, :1] * np.cos(phase), axes[:, 1:] * np.sin(phase)
@@ -93,7 +93,7 @@ def energy_ellipse(space: Contact) -> EnergyEllipse:
     """Energy ellipse (c + M_C v_C)ᵀ M_C⁻¹ (c + M_C v_C) ≤ α v_Cᵀ M_C v_C of each impact."""
     centre = np.stack(space.impulse_to(0.0, 0.0), axis=-1)
     K = np.stack([np.stack([space.K_tt, space.K_tn], -1), np.stack([space.K_tn, space.K_nn], -1)], -2)
-    stiffness, axes = np.linalg.eigh(K)  # ascending: the softest direction is the major axis
+    stiffness, axes = np.linalg.eigh(K)  # in ascending order: the least eigenvalue of K belongs to the major axis
     lengths = np.sqrt(space.energy(space.v_t, space.v_n)[:, None] / stiffness)
     major = axes[:, :, 0]
     return EnergyEllipse(centre, lengths, np.arctan2(major[:, 1], major[:, 0]))
@@ -105,10 +105,10 @@ def line_of_sticking(space: Contact, c_n: np.ndarray) -> np.ndarray:
 
 
 def beyond_sticking(space: Contact, c_t: np.ndarray, c_n: np.ndarray) -> np.ndarray:
-    """Distance (n,) in N s of impulses beyond the line of sticking; negative on the side of c_t = 0.
+    """Distance (n,) in N s of impulses beyond the line of sticking; negative on the side that contains c_t = 0.
 
-    Friction that stops at sticking cannot go beyond it.  That is not the same as a change of sign of v_t: in a skewed
-    contact the normal impulse alone can reverse the slip.
+    Friction that ceases when the contact sticks cannot cross this line.  A change of sign of v_t is not sufficient to
+    detect a crossing: if K_tn ≠ 0, the normal impulse alone can reverse the slip.
     """
     without_friction = space.v_t + space.K_tn * c_n
     after = without_friction + space.K_tt * c_t
@@ -123,7 +123,7 @@ def line_of_maximum_compression(space: Contact, c_t: np.ndarray) -> np.ndarray:
 def admissible(space: Contact, c_t: np.ndarray, c_n: np.ndarray, tolerance: float = 1e-9) -> np.ndarray:
     """Whether each impulse (n,) pushes, does not penetrate and does not gain energy (thesis, figure 3-2).
 
-    `tolerance` is relative to the impulse, velocity and energy before the impact.
+    `tolerance` is relative to the scales of impulse, velocity and energy before the impact.
     """
     v_t, v_n = space.velocity_after(c_t, c_n)
     before = space.energy(space.v_t, space.v_n)

@@ -1,7 +1,7 @@
 """Wang-Mason: Routh's impulse path with Poisson's restitution, c_n = (1 + ε) p_c.
 
-The five modes of the paper (sliding, C- and R-sticking, C- and R-reversed) are the pieces of one path.  In space the
-direction of slip turns on the way (slip_hodograph.py).
+The five modes of the paper (sliding, C- and R-sticking, C- and R-reversed) are segments of a single path.  In space
+the direction of slip turns along the path (slip_hodograph.py).
 
 Source: Wang and Mason, J. Appl. Mech. 59 (1992), doi:10.1115/1.2893771; thesis section 3.3.2.
 """
@@ -29,7 +29,7 @@ LAW = Law(
     impulse=impulse,
     promises=frozenset(Promise),
     dimensions=frozenset({2, 3}),
-    # slip that turns can press the contact down again after p_c, and can outlast the impact however large μ is
+    # turning slip can press the contact down again after p_c, and can outlast the impact for any μ
     breaks_in_space={Promise.NON_PENETRATION: 1e-4, Promise.STICKS: 0.00133},
     reference="Wang and Mason 1992, doi:10.1115/1.2893771",
 )

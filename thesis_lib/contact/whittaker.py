@@ -1,14 +1,14 @@
 """Whittaker: Newton's restitution and friction that opposes the initial slip but may not reverse it.
 
-As defined: c_n = −(1 + ε) v_n / (K_nn − s μ K_tn), c_t = −s μ c_n with s the sign of the initial slip, if that
-keeps s v_t⁺ ≥ 0; otherwise the contact sticks, c = M_C (−v_t, −(1 + ε) v_n), even where that leaves the cone.
-Without initial slip the contact sticks.  In space friction points against the initial slip, and the contact sticks
-where the slip that is left would point back, v_t·v_t⁺ < 0.
+As defined: c_n = −(1 + ε) v_n / (K_nn − s μ K_tn), c_t = −s μ c_n with s the sign of the initial slip, if this
+keeps s v_t⁺ ≥ 0; otherwise the contact sticks, c = M_C (−v_t, −(1 + ε) v_n), even if this impulse is outside the cone.
+Without initial slip the contact sticks.  In space friction is directed against the initial slip, and the contact sticks
+if the remaining slip would be reversed, v_t·v_t⁺ < 0.
 
-As published (the authors' code): the stick impulse; where it leaves the cone, c_t = ±μ c_n against the resulting
-slip, *without* solving c_n again.  The normal impulse then does not depend on μ, and the contact may penetrate.
-The code tries c_t = +μ c_n first and takes −μ c_n unchecked; where the impulse pulls (c_n < 0) both may point along the
-slip, and the outcome is then not mirror symmetric (0.2 % of the reference draw).
+As published (the authors' code): the stick impulse; if it is outside the cone, c_t = ±μ c_n against the resulting
+slip, *without* solving for c_n again.  The normal impulse then does not depend on μ, and the contact may penetrate.
+The code tries c_t = +μ c_n first and otherwise takes −μ c_n unchecked; if the impulse pulls (c_n < 0), both may be
+directed along the slip, and the result is not mirror symmetric (0.2 % of the reference draw).
 
 Sources: Whittaker, Analytical Dynamics, 1904; reviewed by Chatterjee and Ruina 1998, doi:10.1115/1.2791929;
 thesis section 3.3.2.
@@ -21,7 +21,7 @@ from thesis_lib.mechanics.contact import Contact
 
 
 def impulse(space: Contact, mu: np.ndarray, epsilon: np.ndarray) -> tuple[np.ndarray, ...]:
-    """Impulse (c_t, c_n) or (c_t1, c_t2, c_n), each (n,) in N s: slide with the initial slip, or stick."""
+    """Impulse (c_t, c_n) or (c_t1, c_t2, c_n), each (n,) in N s, of a contact that slides as initially or sticks."""
     dv_n = (-1.0 - epsilon) * space.v_n
     if space.dimension == 3:
         return _in_space(space, mu, dv_n)

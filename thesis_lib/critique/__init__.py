@@ -1,11 +1,11 @@
-"""Compare contact models with measurements, see where they fail, name the missing effect, add it.
+"""Compare contact models with measurements, find where they fail, and name and add the missing effect.
 
     from thesis_lib.critique import criticise
     critique = criticise("data/my_drops")
     print(critique.summary())
 
-`criticise` returns a `Critique`; `fit` fits one law with named effects; `TooFew` is raised where impacts are too few
-for what was asked.  All are imported on first use, so that importing this package stays cheap.
+`criticise` returns a `Critique`; `fit` fits one law with named effects; `TooFew` is raised if the data hold too few
+impacts for the request.  All are imported on first use to keep the import of this package cheap.
 """
 
 from importlib import import_module

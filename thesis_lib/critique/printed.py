@@ -1,4 +1,4 @@
-"""A diagnosis in lines of text, as the command line prints it."""
+"""Text of a diagnosis, as the command line prints it."""
 
 from collections.abc import Mapping, Sequence
 
@@ -12,7 +12,7 @@ STATE_UNITS = {"vx": " m/s", "vy": " m/s", "omega": " rad/s", "theta": " rad", "
 
 
 def diagnosis_text(content: Mapping) -> str:
-    """The content of diagnosis.json: verdict, sentences, errors, parameters with effects, what to measure next."""
+    """Text of diagnosis.json: verdict, sentences, errors, parameters with effects, what to measure next."""
     lines = [f"{content['dataset']}: {content['verdict'] or 'no verdict'}", *(f"  {s}" for s in content["summary"])]
     if content["verdict"] is None:
         names = content["base_model"]["parameters"].items()
@@ -41,7 +41,7 @@ def diagnosis_text(content: Mapping) -> str:
     if step["why"] or "mechanism" not in content:
         lines += ["", f"  next experiment: {step['why']}"]
     for state, sigmas in zip(step["states"], step.get("sigmas", ())):
-        # the names of a mechanism's states tell the units
+        # the names of a mechanism's states contain the units
         units = dict.fromkeys(state, "") if "mechanism" in content else STATE_UNITS
         values = ", ".join(f"{name} {value:g}{units[name]}" for name, value in state.items())
         lines.append(f"    {values} ({sigmas:.2g} sigma)")
@@ -80,7 +80,7 @@ def _value(p: Mapping) -> str:
 
 
 def _models(rows: Sequence[Mapping]) -> list[str]:
-    """Laws and engines side by side."""
+    """Lines of the comparison of laws and engines."""
     lines = [f"  {sentence}" for sentence in model_sentences(pd.DataFrame(rows))]
     titles = [row_title(row) for row in rows]
     width = max(map(len, titles))

@@ -1,7 +1,7 @@
-"""Result of `criticise`: the verdict to read, to compute with, to write down, and to draw.
+"""Result of `criticise`: the verdict as text, numbers, files and figures.
 
-A `Critique` is one of three kinds, `OfDrops`, `OfFewImpacts` and `OfMechanism`, which answer the same calls.  Numbers,
-page and pictures are computed when they are first asked for, and once: the order of the calls changes none of them.
+A `Critique` is of one of three kinds, `OfDrops`, `OfFewImpacts` or `OfMechanism`, with the same methods.  Numbers, page
+and figures are computed once, when they are first needed; the order of the calls does not change them.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -37,9 +37,9 @@ class Critique:
     """Result of the critique of one dataset or recording.
 
     Attributes:
-        name: of the dataset.
+        name: name of the dataset or recording.
         found: the fits and judgements behind the verdict.
-        plots: what `plot` draws.
+        plots: names of the figures that `plot` draws.
     """
 
     name: str
@@ -52,31 +52,31 @@ class Critique:
 
     @property
     def verdict(self) -> str | None:
-        """adequate, effects or unexplained; None where impacts are too few for a verdict."""
+        """The verdict: adequate, effects or unexplained; None if there are too few impacts for one."""
         return self.found.verdict
 
     @property
     def effects(self) -> tuple[str, ...]:
-        """Names of the effects that were found, in that order."""
+        """Names of the effects found, in the order in which they entered the model."""
         return ()
 
     def to_dict(self) -> dict:
-        """The content of diagnosis.json: numbers in SI units, and sentences (keys: `critique/results/diagnosis.py`)."""
+        """Content of diagnosis.json: numbers in SI units, and sentences (keys: `critique/results/diagnosis.py`)."""
         return self._diagnosis("")
 
     def summary(self) -> str:
-        """The lines that the command line prints: verdict, sentences, errors, parameters, the next experiment."""
+        """Text that the command line prints: verdict, sentences, errors, parameters, the next experiment."""
         return diagnosis_text(self.to_dict())
 
     def save(self, folder: str | Path, *, proposal: str | Path | None = None) -> dict:
         """Write tables, pictures, model.json, report.html and diagnosis.json, and return the content of the last.
 
         Args:
-            folder: made if needed; files of an earlier critique are replaced, others stay.
-            proposal: file for a term that is proposed where nothing fits; None: beside the folder.
+            folder: output folder, created if needed; files of an earlier critique are replaced, others are kept.
+            proposal: effect file for a term proposed because no known effect fits; None: beside the folder.
 
         Raises:
-            OSError: the folder cannot be written; an earlier critique in it is then as it was.
+            OSError: the folder cannot be written; an earlier critique in it then stays unchanged.
         """
         from thesis_lib.report.critique.folder import write_critique
 
@@ -88,39 +88,39 @@ class Critique:
 
     @property
     def model(self) -> SavedModel:
-        """The law with its effects, as model.json holds it; UserError for a mechanism."""
+        """The fitted law with its effects, as in model.json; UserError for a mechanism."""
         if (model := self._findings.model) is None:
-            raise UserError(f"{self.name} is the recording of a mechanism: no model.json predicts.")
+            raise UserError(f"{self.name} is the recording of a mechanism; model.json exists for drops only.")
         return model
 
     def predict(self, states: pd.DataFrame | Mapping[str, ArrayLike]) -> pd.DataFrame:
-        """Velocities after impact by the law with its effects.
+        """Velocities after impact, predicted by the fitted law with its effects.
 
         Args:
             states: columns x, y, theta, vx, vy, omega (n,) at first touch in m, rad, m/s and rad/s; `trial` and `t` if
-                an effect depends on them.  In space those of an impacts.csv of schema 2, without _post.
+                an effect depends on them.  In space, the columns of an impacts.csv of schema 2 without those in _post.
 
         Returns:
             The states with vx_post, vy_post, omega_post and `status`: ok, not_approaching or no_solution.
 
         Raises:
-            UserError: a column is missing, a value is not a finite number, or the critique is that of a mechanism.
+            UserError: a column is missing, a value is not a finite number, or the critique is of a mechanism.
         """
         return self.model.predict(states)
 
     def plot(self, what: str = "") -> "Figure":
-        """One picture of `plots`, by default the first, as a Matplotlib figure.
+        """One of the figures named in `plots`, by default the first, as a Matplotlib figure.
 
         "ladder": the held-out error (m/s) after each effect; "candidates": the gain of each effect alone; "map": where
-        the errors are, before and after; of a mechanism "residuals".  UserError if there is no such picture.
+        the model errs, before and after; for a mechanism, "residuals".  UserError if there is no such figure.
         """
         what = what or (self.plots[0] if self.plots else "")
         if what not in self.plots:
-            known = f"there are {', '.join(self.plots)}" if self.plots else "there are none of so few impacts"
-            raise UserError(f"The critique of {self.name} has no picture {what!r}; {known}.")
+            known = f"available are {', '.join(self.plots)}" if self.plots else "there are none for so few impacts"
+            raise UserError(f"The critique of {self.name} has no figure {what!r}; {known}.")
         return self._draw(what)
 
-    # --- what differs between the kinds ---
+    # --- overridden by each kind ---
 
     _say: Say = staticmethod(lambda text: None)
 
@@ -130,15 +130,15 @@ class Critique:
 
     @property
     def _error(self) -> str:
-        """The error in words, for `repr`."""
+        """Text on the held-out error, for `repr`."""
         return ""
 
     def _diagnosis(self, file: str) -> dict:
-        """diagnosis.json; `file`: name of the effect file with what is proposed, "" where none was written."""
+        """Content of diagnosis.json; `file`: name of the effect file of the proposal, "" if none was written."""
         return self._findings.diagnosis
 
     def _write_proposal(self, folder: str | Path, path: str | Path | None) -> str:
-        """Write the effect file of what is proposed, and return its name; "" if nothing is."""
+        """Write the effect file of the proposed term and return its name; "" if no term is proposed."""
         return ""
 
     def _contents(self, found: Findings) -> "Contents":
@@ -152,9 +152,9 @@ class OfDrops(Critique):
     """The critique of drops.
 
     Args:
-        rng: in the state in which the search left it.
-        proposals: what was proposed where nothing fits: one `Proposal` or None; empty where nothing was looked for.
-        say: receives a line for each step.
+        rng: generator in the state in which the search left it.
+        proposals: result of the search for a new term, one `Proposal` or None; empty if there was no such search.
+        say: function that receives one line of text per step.
     """
 
     found: DropsCritique
@@ -172,13 +172,13 @@ class OfDrops(Critique):
         self.models: pd.DataFrame | None = None
 
     def compare(self, models: Sequence[str]) -> pd.DataFrame:
-        """Laws and engines fitted to the same training trials and judged on the same held-out ones, the best first.
+        """Laws and engines, fitted to the same training trials and judged on the same held-out trials, best first.
 
         Args:
-            models: of `thesis_lib.critique.engines.compare.MODELS`: "laws", "mujoco", "drake", ...
+            models: names from `thesis_lib.critique.engines.compare.MODELS`: "laws", "mujoco", "drake", ...
 
         Returns:
-            The table of `compare_models`, which diagnosis.json and the page then hold, too (`models`).
+            The table of `compare_models`; diagnosis.json (key `models`) and the page then contain it, too.
 
         Raises:
             UserError: an engine is not installed, or the body slides on a table, has no angle or falls between walls.
@@ -191,10 +191,10 @@ class OfDrops(Critique):
 
     @property
     def choices(self) -> pd.DataFrame:
-        """Held-out error with each choice of the effects found and of their closest rival, as choices.csv holds it.
+        """Held-out error with each combination of the effects found and their closest rival, as in choices.csv.
 
-        Columns effects (joined by +, or “no effect”), law, error, error_low, error_high (m/s, 95 %); no rows without an
-        effect, or with more than three.
+        Columns: effects (joined by +, or “no effect”), law, error, error_low, error_high (m/s, 95 %); no rows if no
+        effect or more than three were found.
         """
         found = self._findings.tables.get("choices")
         return choices_table([]) if found is None else found.copy()
@@ -241,13 +241,13 @@ class OfDrops(Critique):
             return draw_ladder(self.found, self._findings.tables["ladder"])[0]
         if what == "candidates":
             if (drawn := draw_candidates(self.found, self._findings.tables.get("candidates"))) is None:
-                raise UserError(f"No effect was tried in the critique of {self.name}; leave `effects` out.")
+                raise UserError(f"The critique of {self.name} tried no effects: run it again without `effects`.")
             return drawn[0]
         return draw_where(self.found, self._findings.regions)[0]  # pyright: ignore[reportArgumentType]
 
 
 class OfFewImpacts(Critique):
-    """Impacts that are too few for a verdict: restitution and friction, with their standard errors."""
+    """The critique of too few impacts for a verdict: restitution and friction with standard errors."""
 
     found: FewImpacts
 
@@ -265,7 +265,7 @@ class OfFewImpacts(Critique):
 
 
 class OfMechanism(Critique):
-    """The critique of a mechanism; `rng` in the state in which the search left it."""
+    """The critique of a mechanism; `rng` is in the state in which the search left it."""
 
     found: MechanismCritique
     plots = ("residuals",)

@@ -1,6 +1,6 @@
-"""The face of the critique: from a folder, a dataset or a recording to a `Critique`, in one call.
+"""Entry points of the critique: from a folder, a dataset or a recording to a `Critique` in one call.
 
-The command line calls the same functions with the same seed, so that it gives the same numbers for the same data.
+The command line calls the same functions with the same seed and so gives the same numbers for the same data.
 """
 
 from collections.abc import Callable, Sequence
@@ -37,34 +37,34 @@ def criticise(
     seed: int = SEED,
     say: Callable[[str], None] = lambda text: None,
 ) -> Critique:
-    """Criticise contact models against drops, or the believed model of a mechanism against its recording.
+    """Compare contact models with measured drops, or the assumed model of a mechanism with its recording.
 
-    Fewer than 30 usable impacts in 10 trials give restitution and friction without a verdict, unless more was asked.
+    With fewer than 30 usable impacts in 10 trials, only restitution and friction are estimated, without a verdict,
+    unless more was requested.
 
     Args:
-        data: folder of a dataset or of a recording, or what was read from one, or made of arrays (`dataset_of`).
-        effects: switched on instead of the automatic choice; None lets the data choose, () allows none.  Of a
-            recording: the only ones tried.
-        settings, arcs: thresholds of the critique, and the detection of impacts.
-        models: what is compared beside the critique, of `thesis_lib.critique.engines.compare.MODELS`.
-        propose: whether a term is looked for where no effect explains the rest; None: only where `effects` is None.
-        jobs: processes of the search for effects of drops; no result depends on their number.
-        seed: of splits and resamples, whose streams depend on the content of the data, too.
-        say: receives a line for each step.
+        data: folder of a dataset or a recording, or the object read from it or made of arrays (`dataset_of`).
+        effects: effects to switch on instead of the automatic choice; None: chosen from the data; (): none.  For a
+            recording, the only effects that are tried.
+        settings, arcs: thresholds of the critique, and settings of the detection of impacts.
+        models: names of models to compare as well, from `thesis_lib.critique.engines.compare.MODELS`.
+        propose: whether to search for a new term if no effect explains the rest; None: only if `effects` is None.
+        jobs: number of processes in the search for effects of drops; no result depends on it.
+        seed: seed of splits and resamples; their streams also depend on the content of the data.
+        say: function that receives one line of text per step.
 
     Raises:
-        DatasetError: the data are not as the format asks; `problems` lists all that is wrong.
-        TooFew: no usable impact and, in space, no trajectories, or too few for what was asked (effects, models, a
-            proposal).
-        UserError: a channel that is constant, contacts too long for an impact, more than one planar rigid body, or an
-            effect or a model that is unknown or cannot be tested.
+        DatasetError: the data violate the format; `problems` lists all violations.
+        TooFew: no usable impact and, in space, no trajectories, or too few for the request (effects, models, propose).
+        UserError: a channel is constant, contacts last too long for impacts, the motion is not that of one planar
+            rigid body, or an effect or a model is unknown or cannot be tested.
     """
     if isinstance(data, (str, Path)):
         data = read(data)
     if isinstance(data, Recording):
         for option, asked in (("models", models), ("propose", propose), ("settings", settings), ("arcs", arcs)):
             if asked:
-                raise UserError(f"{data.name} is the recording of a mechanism; {option} is for drops. Leave it out.")
+                raise UserError(f"{data.name} is the recording of a mechanism; {option} is for drops: leave it out.")
         from thesis_lib.critique.mechanisms.critique import criticise_recording
 
         rng = generator(seed, "critique", data.digest())
@@ -105,7 +105,7 @@ def criticise(
 
 
 def read(path: str | Path) -> Dataset | Recording:
-    """The dataset or the recording in a folder; DatasetError lists all that is wrong in it."""
+    """Read the dataset or the recording in a folder; DatasetError lists all violations of the format."""
     if is_recording(path):
         return read_recording(path)
     from thesis_lib.datasets.read import read_dataset
@@ -121,24 +121,24 @@ def fit(
     settings: CritiqueSettings | None = None,
     arcs: ArcSettings | None = None,
 ) -> SavedModel:
-    """One law with named effects, fitted to all impacts and flights of a dataset: it predicts, and can be saved.
+    """Fit one law with named effects to all impacts and flights of a dataset, to predict or to save.
 
     Args:
         data: folder of a dataset, or a `Dataset`.
         law: a key of `thesis_lib.contact.LAWS`, or a compliant contact.
         effects: keys of `thesis_lib.effects.EFFECTS`.
-        settings, arcs: of episodes and contact times, and of the detection of impacts.
+        settings, arcs: settings of episodes and contact times, and of the detection of impacts.
 
     Returns:
         The model with its parameters: value, standard error, unit.
 
     Raises:
-        DatasetError: the data are not as the format asks.
+        DatasetError: the data violate the format.
         TooFew: there is no usable impact.
-        UserError: law or effect is unknown, these data cannot test it, or what `criticise` refuses.
+        UserError: the law or an effect is unknown or cannot be tested by these data, or as for `criticise`.
     """
     dataset = read(data) if isinstance(data, (str, Path)) else data
     if isinstance(dataset, Recording):
-        raise UserError(f"{dataset.name} is the recording of a mechanism; fit fits laws of impact to drops.")
+        raise UserError(f"{dataset.name} is the recording of a mechanism; `fit` is for drops only.")
     fitted = fit_model(dataset, law, effects, settings, arcs)
     return saved_of(fitted, fitted.whitening.observations.rig, dataset.name, dataset)  # pyright: ignore[reportReturnType]

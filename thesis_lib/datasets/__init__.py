@@ -1,7 +1,7 @@
-"""Datasets of measured or simulated drops: read, validate, write, and find the impacts in them.
+"""Datasets of measured or simulated drops: read, validate and write them, and find their impacts.
 
-`read_dataset(path)` gives a `Dataset`, and so does `dataset_of` from arrays; `find_impacts(dataset)` gives its impacts
-with covariance.  All are imported on first use, so that importing this package stays cheap.
+`read_dataset(path)` returns a `Dataset` from a folder, `dataset_of` one from arrays; `find_impacts(dataset)` returns
+its impacts with their covariance.  All are imported on first use, which keeps the import of this package fast.
 """
 
 from importlib import import_module

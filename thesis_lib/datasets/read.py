@@ -1,4 +1,4 @@
-"""Read a dataset folder, or arrays, and check all of it before anything is computed."""
+"""Read a dataset from a folder or from arrays, and check all of it before any computation."""
 
 import os
 from collections.abc import Callable, Mapping, Sequence
@@ -35,9 +35,9 @@ Load = Callable[[str, TableForm], UsableRows | None]
 
 
 def read_dataset(path: str | Path) -> Dataset:
-    """The dataset in the folder `path`; θ of trajectories is made continuous within each trial, quaternions are unit.
+    """The dataset in the folder `path`, with θ made continuous within each trial and quaternions of length 1.
 
-    DatasetError: something is wrong; its `problems` list everything.  Doubts are in `Dataset.warnings`.
+    Raises a DatasetError if the dataset has faults; its `problems` list all of them.  Doubts are `Dataset.warnings`.
     """
     return read_checked(path, "dataset.yaml and the tables", _read)
 
@@ -50,17 +50,17 @@ def dataset_of(
     name: str = "drops",
     folder: str | Path | None = None,
 ) -> Dataset:
-    """The dataset of arrays, checked as one that is read from a folder.
+    """Dataset made from arrays, with the same checks as a dataset read from a folder.
 
     Args:
         header: keys of dataset.yaml, in SI units; `schema` may be left out if it is 1.
-        trajectories: columns trial, t, x, y, theta (n,) in s, m and rad; in space those of schema 2.
+        trajectories: columns trial, t, x, y, theta (n,) in s, m and rad; in space the columns of schema 2.
         impacts: columns of impacts.csv (n,): trial, impact, x, y, theta and the velocities before and after.
-        name: of the dataset, in results.
-        folder: where the mesh of a body in space lies.
+        name: name of the dataset in results.
+        folder: folder that contains the mesh of a body in space.
 
     Raises:
-        DatasetError: something is wrong; its `problems` list everything, with rows counted from 1.
+        DatasetError: the dataset has faults; its `problems` list all of them, with rows counted from 1.
     """
     report, raw = ValidationReport(), {"schema": 1, **header}
     tables = {
@@ -85,13 +85,13 @@ def _read(folder: Path, name: str, report: ValidationReport) -> Dataset | None:
     files = [f"{stem}{suffix}" for stem in ("trajectories", "impacts") for suffix in (".csv", ".parquet")]
     if not any(os.path.lexists(folder / file) for file in files):
         remedy = "write at least one of them (the init command converts a log into trajectories.csv)"
-        report.error("trajectories.csv, impacts.csv", "", "neither is there", remedy)
+        report.error("trajectories.csv, impacts.csv", "", "neither file exists", remedy)
     made = _checked(name, header, raw, partial(load_table, folder, report=report), report)
     return made and replace(made, path=folder)
 
 
 def _checked(name: str, header: Any, raw: Mapping, load: Load, report: ValidationReport) -> Dataset | None:
-    """The dataset of a header, of either schema or none, and of the tables that `load` gives by name and form."""
+    """Dataset from a header (of either schema; None if invalid) and the tables that `load` returns by name and form."""
     schema, turns_unseen = schema_of(raw), is_round(raw)
     trajectories = load("trajectories", trajectory_form(schema, turns_unseen))
     impacts = load("impacts", impact_form(schema, turns_unseen))
@@ -122,8 +122,8 @@ def _checked_in_plane(
             trajectories = replace(trajectories, data=trajectories.data.assign(theta=0.0))
         plausible.check_trajectories(trajectories, body)
     if impacts is not None and header is not None and header.surfaces is not None:
-        remedy = "leave impacts.csv out: from trajectories.csv the program finds which wall was hit"
-        impacts.error("", "impacts at several surfaces cannot be given", remedy)
+        remedy = "leave impacts.csv out: the program determines from trajectories.csv which wall was hit"
+        impacts.error("", "stated impacts are not supported for several surfaces", remedy)
     elif impacts is not None:
         check_impacts(impacts)
         plausible_impacts.check_impacts(impacts, body)

@@ -1,4 +1,4 @@
-"""Contents of a dataset and the impacts detected in it, as numbers and as text, for the check command."""
+"""Summary of a dataset and of the impacts detected in it, as numbers and as text, for the check command."""
 
 from collections.abc import Iterable
 from dataclasses import replace
@@ -15,7 +15,7 @@ from thesis_lib.datasets.impacts.detect import FoundImpacts, find_impacts
 from thesis_lib.datasets.impacts.found import MIN_IMPACTS, MIN_TRIALS, are_enough
 from thesis_lib.datasets.read import read_dataset
 
-SHOWN = 5  # trials that are named in a line
+SHOWN = 5  # largest number of trials named in a line
 UNIT = {"t": "s", "theta": "rad", "omega": "rad/s"}
 UNIT |= {axis: "m" for axis in "xyz"} | {f"v{axis}": "m/s" for axis in "xyz"} | {f"w{axis}": "rad/s" for axis in "xyz"}
 
@@ -23,8 +23,8 @@ UNIT |= {axis: "m" for axis in "xyz"} | {f"v{axis}": "m/s" for axis in "xyz"} | 
 def check_dataset(path: str | Path) -> tuple[Dataset, FoundImpacts | None]:
     """The dataset in the folder `path`, and the impacts detected in its trajectories (None without).
 
-    Trajectories are searched even beside impacts.csv, which the program then uses as it is.  DatasetError lists
-    everything that is wrong.
+    Trajectories are searched even if there is an impacts.csv, which a critique then uses unchanged.  A DatasetError
+    lists all faults.
     """
     dataset = read_dataset(path)
     if dataset.trajectories is None or not dataset.space.is_plane:
@@ -35,7 +35,7 @@ def check_dataset(path: str | Path) -> tuple[Dataset, FoundImpacts | None]:
 def summarise(dataset: Dataset, detection: FoundImpacts | None = None, hits: dict | None = None) -> dict:
     """Counts, ranges, body and warnings of a dataset, and the impacts detected in its trajectories, ready for JSON.
 
-    `hits`: in space, what a critique would use of them (`thesis_lib.commands.described.hits_told`).
+    `hits`: in space, the hits that a critique would use (`thesis_lib.commands.described.hits_told`).
     """
     header, in_plane = dataset.header, dataset.space.is_plane
     result: dict = {
@@ -81,7 +81,7 @@ def summarise(dataset: Dataset, detection: FoundImpacts | None = None, hits: dic
 
 
 def _surroundings(header: SpaceHeader) -> dict:
-    """Tracked frame and surfaces, as dataset.yaml says them, the normals as they are."""
+    """Tracked frame and surfaces as stated in dataset.yaml, with unit normals (defaults filled in)."""
     content = header.model_dump(mode="json", include={"tracked"})
     names = [surface.name for surface in header.surfaces or ()] or ["surface"]
     planes = zip(names, header.planes)
@@ -89,7 +89,7 @@ def _surroundings(header: SpaceHeader) -> dict:
 
 
 def _motion(facts: MotionFacts, samples: int) -> dict:
-    """Facts on gravity and on the orientations, from the samples."""
+    """Observed gravity, faults of the poses, and beginning and end of the trials, from the samples."""
     return {
         "flights": facts.flights,
         "fall": None if facts.fall is None else facts.fall.tolist(),
@@ -110,7 +110,7 @@ def _ranges(table, names) -> dict[str, list[float]]:
 
 
 def summary_text(dataset: Dataset, detection: FoundImpacts | None = None, hits: dict | None = None) -> str:
-    """The same as text."""
+    """The summary as text, one line per subject."""
     facts, body, in_plane = summarise(dataset, detection), dataset.header.body, dataset.space.is_plane
     lines = [f"dataset     {facts['dataset']}", f"trials      {facts['trials']}"]
     mass = "mass not given" if body.mass is None else f"mass {body.mass:g} kg"
@@ -136,7 +136,7 @@ def summary_text(dataset: Dataset, detection: FoundImpacts | None = None, hits: 
         low, high = part["samples_per_trial"]
         shortest, longest = part["duration"]
         lines.append(
-            f"poses       {part['samples']} samples, {low} to {high} a trial, {shortest:.3g} to {longest:.3g} s, "
+            f"poses       {part['samples']} samples, {low} to {high} per trial, {shortest:.3g} to {longest:.3g} s, "
             f"{part['rate']:.6g} Hz"
         )
         lines += _range_lines(part["range"])
@@ -148,7 +148,7 @@ def summary_text(dataset: Dataset, detection: FoundImpacts | None = None, hits: 
             held, caught = _named(part["held_until"].items(), "until"), _named(part["in_the_air_at"].items(), "at")
             ends = f"{part['in_the_air']} end in the air: caught, out of view, or beyond the table's edge"
             lines += [
-                f"releases    {part['held']} trials begin before the body is let go{held}",
+                f"releases    {part['held']} trials begin before the release of the body{held}",
                 f"  ends      {ends}{caught}",
             ]
     if (part := facts.get("impacts")) is not None:
@@ -173,11 +173,11 @@ def _range_lines(ranges: dict[str, list[float]]) -> list[str]:
 
 
 def _verdict_lines(dataset: Dataset, detection: FoundImpacts | None) -> list[str]:
-    """Lines on impacts that are too few for a verdict; none if there are enough, or no impact."""
+    """Line on too few impacts for a verdict; no line if there are enough, or no impact at all."""
     if dataset.impacts is not None:
         trial, more = dataset.impacts["trial"].to_numpy(), []
     elif detection is not None:
-        # hits in quick succession may be used together
+        # hits in quick succession may be used together, as an episode
         trial, out = detection.impacts.trial, detection.left_out
         more = out.loc[out["reason"] == "second_hit", "trial"].tolist()
     else:
@@ -189,13 +189,13 @@ def _verdict_lines(dataset: Dataset, detection: FoundImpacts | None) -> list[str
 
 def _no_verdict(impacts: int, trials: int) -> str:
     return (
-        f"critique    restitution and friction, and no verdict: {impacts} usable impacts in {trials} trials; "
+        f"critique    restitution and friction only, no verdict: {impacts} usable impacts in {trials} trials; "
         f"{MIN_IMPACTS} in {MIN_TRIALS} are needed"
     )
 
 
 def _hit_lines(hits: dict) -> list[str]:
-    """Lines on the hits of a body in space that a critique can use, and on its tracked frame."""
+    """Lines on the tracked frame of a body in space, and on its hits that a critique can use."""
     lines = [f"tracked     {hits['tracked']}"] if hits["tracked"] else []
     if "why" in hits:
         return [*lines, f"critique    none: {hits['why']}"]
@@ -206,7 +206,7 @@ def _hit_lines(hits: dict) -> list[str]:
     lines += [f"  left out  {reason} {sum(of.values())} ({_counts(of)})" for reason, of in hits["left_out"].items()]
     if elsewhere := hits["elsewhere"]:
         lines.append(
-            f"  elsewhere {len(elsewhere)} hits off the surface, of a hand or another body{_named(elsewhere, 'at')}"
+            f"  elsewhere {len(elsewhere)} hits off the surface, by a hand or another body{_named(elsewhere, 'at')}"
         )
     return lines if are_enough(hits["used"], hits["trials"]) else [*lines, _no_verdict(hits["used"], hits["trials"])]
 
@@ -216,7 +216,7 @@ def _counts(of: dict[str, int]) -> str:
 
 
 def _named(times: Iterable[tuple[int, float]], word: str) -> str:
-    """In brackets trials with a time in s, `SHOWN` at most; "" of none."""
+    """Trials with their times in s, in brackets, at most `SHOWN` of them; "" if there are none."""
     said = [f"trial {trial} {word} {t:.3g} s" for trial, t in times]
     more = f", and {len(said) - SHOWN} more" if len(said) > SHOWN else ""
     return f" ({', '.join(said[:SHOWN])}{more})" if said else ""
@@ -229,9 +229,9 @@ def _detection_lines(part: dict, stated: dict, given: bool) -> list[str]:
     quick = "second_hit" in part["left_out"]
     lines = [
         f"detection   {part['used']} impacts of the trajectories can be used"
-        + (" (impacts.csv is used in their place)" if given else ""),
+        + (" (impacts.csv is used instead)" if given else ""),
         f"  left out  {left_out}"
-        + ("; a critique also uses those that follow each other quickly, as episodes" if quick and not given else ""),
+        + ("; a critique also uses hits in quick succession, as episodes" if quick and not given else ""),
         f"  flags     {flagged}",
     ]
     if part["glitches"]:
@@ -241,7 +241,7 @@ def _detection_lines(part: dict, stated: dict, given: bool) -> list[str]:
         f"{name} {'unknown' if value is None else f'{value:.3g} {unit}'}"
         + (f" (stated {stated[name]:g})" if name in stated else "")
         for (name, value), unit in zip(part["noise"].items(), ("m", "rad"))
-        if value != 0.0  # that of an angle which is not measured
+        if value != 0.0  # 0 marks an angle that is not measured
     ]
     lines.append(f"  noise     {', '.join(shares)}; from {source[part['noise_source']]}")
     return lines

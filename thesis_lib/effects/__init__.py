@@ -1,6 +1,6 @@
-"""Candidate physical effects, one file each: `EFFECTS[name]`.
+"""Library of candidate physical effects, one file each: `EFFECTS[name]`.
 
-A new one is a file with a class derived from `Effect` and an instance of it named EFFECT; nothing else is registered.
+A new effect is a file with a class derived from `Effect` and an instance named EFFECT; it needs no other registration.
 """
 
 import pkgutil
@@ -20,13 +20,13 @@ def _load() -> dict[str, Effect]:
         effect = getattr(import_module(f"{__name__}.{module.name}"), "EFFECT", None)
         if effect is not None:
             if effect.name != module.name:
-                raise ImportError(f"the effect in {module.name}.py calls itself {effect.name!r}; name it like its file")
+                raise ImportError(f"the effect in {module.name}.py has the name {effect.name!r}; name it like its file")
             effects[effect.name] = effect
     return dict(sorted(effects.items(), key=lambda item: (FAMILIES.index(item[1].family), item[0])))
 
 
 class _Library(dict[str, Effect]):
-    """Effects by name; those at one wall are found by their names, and are not counted."""
+    """Effects by name; effects at one wall (`at_wall`) are made from their names and are not listed."""
 
     def __missing__(self, name: str) -> Effect:
         if (effect := effect_at_wall(name)) is None:
@@ -41,15 +41,15 @@ EFFECTS: dict[str, Effect] = _Library(_load())
 
 
 def effects_in(space: Space) -> dict[str, Effect]:
-    """Effects of `EFFECTS` that live in the given space."""
+    """Effects of `EFFECTS` that are defined in the given space."""
     return {name: effect for name, effect in EFFECTS.items() if space.dimension in effect.dimensions}
 
 
 def require_known(names: Iterable[str], walls: Sequence[Wall] | None = None) -> None:
-    """Refuse names that no effect has; where the `walls` of the rig are given, those at other walls, too.
+    """Reject names of unknown effects and, if the `walls` of the rig are given, effects at unknown walls.
 
     Raises:
-        UserError: the first of them, with the names of all effects or walls.
+        UserError: for the first such name, with the names of all effects or walls.
     """
     for name in names:
         if name not in EFFECTS:

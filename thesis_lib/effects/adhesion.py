@@ -1,19 +1,19 @@
-"""Adhesion: parting costs a fixed energy, so slow impacts rebound less.
+"""Adhesion: separation requires a fixed energy, so slow impacts rebound less.
 
     ε² ← max(ε² − (v_s / v_n)², 0)
 
-Below the speed v_s / ε the body stays on the surface.  The first derivative by v_s is zero at v_s = 0.
+Below the speed v_s / ε the body stays on the surface.  The first derivative with respect to v_s is zero at v_s = 0.
 
 | on paper | in code | unit | shape |                                                         |
 |----------|---------|------|-------|---------------------------------------------------------|
-| v_s      | `v_s`   | m/s  |       | normal speed whose energy adhesion takes; 0 is absent   |
+| v_s      | `v_s`   | m/s  |       | normal speed whose energy adhesion absorbs; 0: absent   |
 """
 
 import numpy as np
 
 from thesis_lib.effects.effect import IN_SPACE, Effect, Parameter
 
-SLOWEST = 1e-3  # m/s, below every impact that a camera sees; keeps the quotient finite at v_n = 0
+SLOWEST = 1e-3  # m/s, below every impact that a camera resolves; keeps the quotient finite at v_n = 0
 
 
 class Adhesion(Effect):

@@ -1,14 +1,14 @@
-"""Angle offset: the marker frame is turned against the body.
+"""Angle offset: the marker frame is rotated relative to the body.
 
     θ_measured = θ + d_θ;   in space R_measured = R exp(d),   d a rotation vector
 
 | on paper | in code   | unit | shape |                                            |
 |----------|-----------|------|-------|--------------------------------------------|
 | d_θ      | `d_theta` | rad  |       | angle that the camera adds                 |
-| d        | `d_rx`, `d_ry`, `d_rz` | rad | | in space, axes of the body; the tracked point stays where it is |
+| d        | `d_rx`, `d_ry`, `d_rz` | rad | | in space, axes of the body; the tracked point does not move |
 
-The contact point follows from the true angle; a disk has the same one at every angle.  About an axis of symmetry
-of a body in space d does not show, if the tracked point lies on it.  Breaks mirror symmetry.
+The contact point follows from the true angle; for a disk it is the same at every angle.  In space a rotation about an
+axis of symmetry of the body is unobservable if the tracked point lies on that axis.  Breaks mirror symmetry.
 """
 
 import math
@@ -21,7 +21,7 @@ from thesis_lib.bodies.symmetry import Symmetry
 from thesis_lib.effects.effect import IN_SPACE, CameraEffect, Parameter, components, vector
 from thesis_lib.mechanics.space import multiplied, of_rotation_vector
 
-# wide and with far starts: a frame on the wrong axis of the body is a quarter of a turn off
+# wide bounds and distant starts: a frame aligned with the wrong axis of the body is off by a quarter turn
 _OFF = Parameter("d_theta", "rad", null=0.0, low=-math.pi / 2, high=math.pi / 2, scale=0.02, starts=(-0.4, 0.4, 1.4))
 ON_AXIS = 1e-6  # m
 _NAMES = ("d_rx", "d_ry", "d_rz")
@@ -32,7 +32,7 @@ class AngleOffset(CameraEffect):
     title = "angle offset"
     equation = "θ_measured = θ + d_θ"
     parameters = (_OFF,)
-    # from the null alone: every component has starts, and all of them are tried with one another
+    # start at the null only: fits try all combinations of the starts of the components
     own_in_space = components(Parameter("d", "rad", null=0.0, low=-1.6, high=1.6, scale=0.02, starts=(0.0,)), _NAMES)
     embedded = (("d_ry", "d_theta", -1.0),)
     channels = ("impact", "touch")
@@ -56,7 +56,7 @@ class AngleOffset(CameraEffect):
     def seen(self, state, p, way, rig):
         if state.space.is_plane:
             return state.moved(theta=state.theta + way * p["d_theta"])
-        # about the body's own axes, its tracked point where it is
+        # about the body axes, with the tracked point fixed
         d = of_rotation_vector(way * vector(p, _NAMES))
         attitude = multiplied(state.attitude, np.broadcast_to(d, state.attitude.shape))
         return rig.turned(state, attitude, state.spin)

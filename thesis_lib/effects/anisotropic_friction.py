@@ -1,26 +1,26 @@
-"""Anisotropic friction: slip to the right meets another friction than slip to the left (print direction, scratches).
+"""Anisotropic friction: friction differs between slip to the right and slip to the left (print direction, scratches).
 
     μ ← μ (1 + a_t sign(v_t)),   so that μ_± = μ (1 ± a_t)
 
-The sign is that of the slip at each instant of the impact.  The law gets the μ of the first slip.  Where slip ends and
-may go on the other way, the change by the other μ is added as the difference of two impulse paths (Stronge's), so that
-all else is as the law has it:
+The sign follows the slip at each instant of the impact.  The law receives the μ of the first slip.  If the slip
+reverses, the change due to the other μ is added as the difference of two impulse paths (Stronge's law), and all else
+follows the law in use:
 
     c ← c_law + c_path(μ of the first slip, then of the second) − c_path(μ of the first slip)
 
-In space friction is limited by an ellipse instead, the same to either side, and takes the most energy that it can
-within it (maximum dissipation), along the path of the impact:
+In space an ellipse, symmetric about its centre, limits friction, which dissipates the most energy possible within it
+(maximum dissipation), throughout the impact:
 
     |M⁻¹ dc_t| ≤ dp,   dc_t = −M² v_t / |M v_t| dp while it slips,   M = μ (1 + [[a_c, a_s], [a_s, −a_c]])
 
-A body that slides has f_t = −M² v_t / |M v_t| f_n, too.  Friction is not against the slip, but where that is along an
-axis.  With a = |(a_c, a_s)| the semi-axes are μ (1 ± a), the longer one turned by φ from t_1 to t_2:
+For a sliding body, too, f_t = −M² v_t / |M v_t| f_n.  Friction is opposite to the slip only if the slip is along a
+principal axis.  With a = |(a_c, a_s)| the semi-axes are μ (1 ± a), the longer one rotated by φ from t_1 to t_2:
 (a_c, a_s) = a (cos 2φ, sin 2φ).
 
 | on paper | in code | unit | shape |                                                 |
 |----------|---------|------|-------|-------------------------------------------------|
 | a_t      | `a_t`   | 1    |       | half the relative difference; 0 is isotropic    |
-| a_c, a_s | `a_c`, `a_s` | 1 |     | in space: along t_1 against t_2, along one diagonal against the other |
+| a_c, a_s | `a_c`, `a_s` | 1 |     | in space: difference of t_1 and t_2, and of the two diagonals |
 
 Breaks mirror symmetry.
 """
@@ -58,7 +58,7 @@ class AnisotropicFriction(Effect):
         if contact.dimension == 3:
             is_round = not (np.any(p["a_c"]) or np.any(p["a_s"]))
             return impulse if is_round else with_and_without(impulse, contact, state.spin, **p)
-        # a second slip goes the way of K_tn; `contact.mu` is that of the first
+        # a second slip has the direction of K_tn; `contact.mu` holds for the first slip
         mu, epsilon = contact.mu, contact.epsilon
         ratio = (1.0 + p["a_t"] * np.sign(contact.K_tn)) / (1.0 + p["a_t"] * np.sign(contact.v_t))
         with np.errstate(all="ignore"):

@@ -1,14 +1,14 @@
-"""Attitudes as a file has them, where motions were found with another reading or another clock of its quaternions.
+"""Attitudes as in the file, if the motion was found with another convention or time base of its quaternions.
 
-Not candidate effects: what is sought along a wrong path is not found, so that hits and flights of a body are found with
-the reading with which it falls (`RELABELLINGS` are those that effects stand for), and with attitudes that change their
-course when places do.  Which reading and which clock are right remains a question to the models: `AsWritten` and
-`AsStamped` lead each from the states that were found to those of the file.
+Not candidate effects.  Hits and flights cannot be found along a wrong path.  They are therefore found with the
+quaternion convention under which the body falls freely (`RELABELLINGS` are the conventions that effects represent) and
+with attitudes shifted in time until they change when positions do.  The models then judge which convention and time
+base are right: `AsWritten` and `AsStamped` map the states that were found to the states in the file.
 
 | on paper | in code | unit | shape  |                                                     |
 |----------|---------|------|--------|-----------------------------------------------------|
-| P        | `P`     | 1    | (4, 4) | of the file's numbers, as in `relabelled_rotation`  |
-| L        | `lag`   | s    |        | by which attitudes come later in the file           |
+| P        | `P`     | 1    | (4, 4) | signed permutation, as in `relabelled_rotation`     |
+| L        | `lag`   | s    |        | delay of the attitudes in the file                  |
 """
 
 import numpy as np
@@ -29,7 +29,7 @@ RELABELLINGS = {
 
 
 class AsWritten(Effect):
-    """Part of every model of states whose attitudes are Pᵀ times those of the file."""
+    """Part of every model of states whose attitudes are Pᵀ times the quaternions in the file."""
 
     name = "as_written"
     family = "measurement"
@@ -51,7 +51,7 @@ class AsWritten(Effect):
 
 
 class AsStamped(TimeLag):
-    """Part of every model of states whose attitudes the file has a time L later."""
+    """Part of every model of states whose attitudes appear in the file a time L later."""
 
     name = "as_stamped"
     title = "orientations as they are stamped"

@@ -1,12 +1,12 @@
 """Effects of one wall among several: "which wall differs?"
 
-An effect of `AT_ONE_WALL` acts at the impacts on one wall alone, whose name follows its own:
-`velocity_dependent_restitution_at_north`.  Besides effects of the library there are three that make sense at one wall
-only, a law's parameter that is another there,
+An effect of `AT_ONE_WALL` acts only at impacts on one wall, whose name is appended to the name of the effect:
+`velocity_dependent_restitution_at_north`.  Besides effects of the library there are three that are defined at one wall
+only, where a parameter of the law differs from its value at the other walls,
 
     ε ← clip(ε (1 + d), 0, 1),    μ ← μ (1 + d),    τ ← τ (1 + d)        at that wall
 
-and a restitution that depends on speed there may be another at 1 m/s, too.
+If the restitution at that wall depends on speed, its value at 1 m/s may differ, too.
 
 A state has the number of its wall (`State.surface`).
 
@@ -41,7 +41,7 @@ class OtherRestitution(Effect):
 
 
 class OtherRestitutionBySpeed(VelocityDependentRestitution):
-    """The restitution of a wall of its own, whose value at 1 m/s differs, too."""
+    """Velocity-dependent restitution of one wall, whose value at 1 m/s differs from the other walls, too."""
 
     includes = ("other_restitution",)
     equation = "ε = ε₀ (1 + d) (|v_n| / 1 m/s)^−p exp(−c (|v_n| − 1 m/s))"
@@ -93,7 +93,7 @@ AT_ONE_WALL: dict[str, Effect] = {
 
 
 class AtWall(Effect):
-    """The effect `of` at the impacts on `wall` alone; it may have no hooks but those of this class."""
+    """The effect `of`, acting only at impacts on `wall`; it may override only hooks that this class has."""
 
     family = "surface"
 
@@ -131,14 +131,14 @@ class AtWall(Effect):
 
 
 def effects_at(walls: Iterable[Wall]) -> Iterator[AtWall]:
-    """Each of `AT_ONE_WALL` at each of the walls."""
+    """Every effect of `AT_ONE_WALL` at every wall."""
     for wall in walls:
         for effect in AT_ONE_WALL.values():
             yield AtWall(effect, wall.name)
 
 
 def effect_at_wall(name: object) -> AtWall | None:
-    """The effect at one wall with this name; None for other names."""
+    """Effect at one wall with this name; None for other names."""
     if not isinstance(name, str) or _BETWEEN not in name:
         return None
     of, _, wall = name.partition(_BETWEEN)

@@ -1,32 +1,32 @@
-"""Camera pose: the axes of the picture are turned against the surface.
+"""Camera pose: the axes of the image are rotated relative to the surface.
 
-The picture is turned by β = ρ + α about the place x_0 of the surface where the drops fall, with R(β) counter-clockwise,
+The image is rotated by β = ρ + α about the place x_0 of the surface where the drops fall, with R(β) counter-clockwise,
 and shows that place higher by h:
 
     pose        (x_measured − x_0, y_measured − H − h) = R(β) (x − x_0, y − H),   θ_measured = θ + β
     velocity    v_measured = R(β) v
     flight      gravity g (−sin α, −cos α) in place of g (0, −1) in the axes of the surface
 
-Two parameters cover it.  The camera is rolled over a level surface (ρ), or it stands level before a surface that slopes
-in the picture (α).  Either way a level line through the picture does not follow the surface: gap, normal, velocity and
-angle turn together.  A surface that is as high as believed elsewhere is not at x_0, which is what h is for.  With ρ =
-−α the picture keeps the axes of the surface, and only gravity is oblique: surface_tilt with φ = −α.  Without an angle h
-is surface_height.
+The camera may be rolled above a level surface (ρ), or level in front of a surface that slopes in the image (α).  Either
+way a horizontal line in the image does not follow the surface: gap, normal, velocity and angle rotate together.  If the
+surface has its assumed height at another place, it does not have it at x_0; h is that difference.  If ρ = −α, the image
+keeps the axes of the surface and only gravity is oblique: this is surface_tilt with φ = −α.  If both angles are 0, h
+acts as in surface_height.
 
 | on paper | in code             | unit | shape |                                                                   |
 |----------|---------------------|------|-------|-------------------------------------------------------------------|
-| ρ        | `roll`              | rad  |       | angle by which the camera turns the picture of a level surface    |
-| α        | `slope`             | rad  |       | angle of the surface over the horizontal; positive: rises with x  |
-| h        | `h`                 | m    |       | height of the surface in the picture at x_0, less the believed    |
-| x_0, H   | `rig.reference.x`, `rig.height` | m |  | the place about which it is turned                             |
+| ρ        | `roll`              | rad  |       | angle by which the camera rotates the image of a level surface    |
+| α        | `slope`             | rad  |       | angle of the surface to the horizontal; positive: rises with x    |
+| h        | `h`                 | m    |       | height of the surface in the image at x_0 minus assumed height    |
+| x_0, H   | `rig.reference.x`, `rig.height` | m |  | the centre of rotation                                         |
 
-In space the axes of the record are turned by exp(b) about the point of the surface, table and gravity with them:
+In space the axes of the recording, with table and gravity, are rotated by exp(b) about the point (0, 0, H):
 
     x_measured = exp(b) x,   R_measured = exp(b) R,   v and ω alike;   b along the axes of the recording
 
 | on paper | in code             | unit | shape |                                                                   |
 |----------|---------------------|------|-------|-------------------------------------------------------------------|
-| b        | `b_x`, `b_y`, `b_z` | rad  |       | rotation vector; about the normal of a level table it is unseen   |
+| b        | `b_x`, `b_y`, `b_z` | rad  |       | rotation vector; unobservable about the normal of a level table   |
 
 Breaks mirror symmetry.
 """
@@ -83,7 +83,7 @@ class CameraPose(Effect):
 
     def acceleration(self, a, state, p, rig):
         if not state.space.is_plane:
-            return a  # gravity is against the same normal
+            return a  # gravity remains opposite to the normal
         sin, cos, g = np.sin(p["slope"]), np.cos(p["slope"]), rig.gravity
         oblique = a.copy()
         oblique[0] -= g * sin
@@ -92,7 +92,7 @@ class CameraPose(Effect):
 
 
 def _about_surface(state, p, sign, rig):
-    """In space: the state turned by ±b about the point of the surface."""
+    """State in space rotated by ±b about the point (0, 0, H) of the surface."""
     turn = of_rotation_vector(sign * rig.from_recording(along_axes(p, "b", state.space)))
     up = np.array([[0.0], [0.0], [rig.height]])
     return state.changed(
@@ -104,7 +104,7 @@ def _about_surface(state, p, sign, rig):
 
 
 def _turned(state, angle, rig):
-    """The state turned about (x_0, H) by an angle in rad, with half angles: a small turn changes no large number."""
+    """State rotated about (x_0, H) by an angle in rad; half angles keep precision for small rotations."""
     sin, less = np.sin(angle), 2.0 * np.sin(0.5 * angle) ** 2
     x, y = state.x - rig.reference.x, state.y - rig.height
     return state.moved(

@@ -1,17 +1,17 @@
-"""Camera skew: the axes of the camera are not square, as where a calibration let them differ.
+"""Camera skew: the axes of the camera are not perpendicular, for example because of a calibration with skew.
 
     x_measured = x + s (y − H),   v_x,measured = v_x + s v_y;   y, θ and ω are correct
 
-In space the normal of the surface leans over along t_1 and t_2 of the surface, for the tracked point: attitude and spin
-are correct.
+In space the reported normal of the surface is inclined along t_1 and t_2 of the surface.  This concerns the tracked
+point only: attitude and spin are correct.
 
 | on paper | in code      | unit | shape |                                                             |
 |----------|--------------|------|-------|-------------------------------------------------------------|
-| s        | `s`          | 1    |       | tangent of the angle by which y leans over, towards x > 0   |
+| s        | `s`          | 1    |       | tangent of the inclination of y, towards x > 0              |
 |          | `s_x`, `s_y` | 1    |       | in space: towards t_1 and t_2                               |
 | H        | `rig.height` | m    |       | height of the surface, where x is correct                   |
 
-Where y leans over and x is correct, the picture is turned, too (camera_pose).  Breaks mirror symmetry.
+If instead x is correct and y_measured = y + s x, the image is also rotated (camera_pose).  Breaks mirror symmetry.
 """
 
 import numpy as np

@@ -1,11 +1,11 @@
-"""Displaced centre of mass: it is not at the body origin, where it is believed (magnets, markers, infill).
+"""Displaced centre of mass: it is not at the body origin, as assumed (magnets, markers, infill).
 
-With c the true minus the believed centre of mass along axes of the body and C = R c:
+With c the true minus the assumed centre of mass along the body axes and C = R c:
 
     velocity    v_com = v_o + ω × C,   ω × C = ω (−C_y, C_x) in the plane
     lever       r ← r − C
     flight      a_o = a_com − ω × (ω × C) − α × C      (the origin circles the centre of mass, which falls)
-    arc         −(R(ω τ) − 1 − ω τ R(π/2) + (ω τ)²/2) C, what the circle has beyond that at time τ
+    arc         −(R(ω τ) − 1 − ω τ R(π/2) + (ω τ)²/2) C, deviation of the circle from its parabola at time τ
 
 | on paper | in code      | unit | shape |                                                                    |
 |----------|--------------|------|-------|--------------------------------------------------------------------|
@@ -13,8 +13,8 @@ With c the true minus the believed centre of mass along axes of the body and C =
 | C        | `_turned`    | m    | (d, n) | axes of the surface                                               |
 | α        | `a[d:]`      | rad/s² | (turns, n) | angular acceleration                                         |
 
-The radius of gyration stays that about the true centre of mass.  The outline is where it is believed to be; where it is
-displaced with the mass, the tracked point is off the centre (marker_offset).
+The radius of gyration is about the true centre of mass.  The outline stays where it is assumed to be; if it is
+displaced together with the mass, the tracked point is off the centre (marker_offset).
 """
 
 import numpy as np
@@ -70,12 +70,12 @@ class ComOffset(Effect):
 
 
 def _turned(state, p):
-    """C = R c (d, n) in axes of the world."""
+    """Offset C = R c (d, n) in the axes of the surface."""
     return state.turned(along_axes(p, "c", state.space))
 
 
 def _arc_in_space(tau, state, p, rig):
-    """As `arc`, for torque-free turns."""
+    """Deviation as in `arc`, for torque-free rotation in space."""
     C, omega, alpha = (part[:, :, None] for part in (_turned(state, p), state.spin, rig.fall(state)[3:]))
     later, _ = attitudes(state.attitude, state.spin, rig.tensor, tau.T)
     turned = rotated(later.swapaxes(1, 2), along_axes(p, "c", state.space)[:, :, None])

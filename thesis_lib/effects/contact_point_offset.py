@@ -1,4 +1,4 @@
-"""Contact point offset: the impulse acts beside the lowest point (bent surface, a contact that moves while it lasts).
+"""Contact point offset: the impulse acts beside the lowest point (curved surface, moving contact point).
 
     r_x ← r_x + d_r
 
@@ -6,7 +6,7 @@
 |----------|---------|------|-------|--------------------------------|
 | d_r      | `d_r`   | m    |       | shift along t, constant        |
 
-Seen as a couple d_r c_n about the believed contact point.  Breaks mirror symmetry.
+It appears as a couple d_r c_n about the assumed contact point.  Breaks mirror symmetry.
 """
 
 import numpy as np

@@ -1,17 +1,17 @@
-"""Contact torque: a patch of finite width resists rolling with a couple, along the path of the impact.
+"""Contact torque: a contact patch of finite width resists rolling with a couple throughout the impact.
 
-    dτ = −m_r sign(ω) dp while the body turns;  |dτ| ≤ m_r dp, and what holds ω = 0, where it has stopped
+    dτ = −m_r sign(ω) dp while the body turns;  once it has stopped, |dτ| ≤ m_r dp as needed to keep ω = 0
 
 This is Coulomb's law for rolling: the normal force can act off the nominal contact point by at most m_r.  During an
-impact ω changes, often its sign, and the couple with it; it never gives energy.  Through dv_t = −r_y dτ / k² and
+impact ω changes, often its sign, and the couple with it; the couple never adds energy.  Through dv_t = −r_y dτ / k² and
 dv_n = r_x dτ / k² it also changes the slip and the end of restitution, which follow their own laws on the same path.
 
-In space the couple is against the turning about the level axes, whatever its direction.
+In space the couple opposes the rotation about the axes along the surface, whatever its direction.
 
 | on paper | in code | unit | shape |                                                              |
 |----------|---------|------|-------|--------------------------------------------------------------|
 | m_r      | `m_r`   | m    |       | lever of rolling resistance, at most the patch's half-width  |
-| k²       | `k2`    | m²   | (n,)  | radius of gyration squared, as the contact space has it      |
+| k²       | `k2`    | m²   | (n,)  | radius of gyration squared, as in the contact space          |
 """
 
 import numpy as np
@@ -51,7 +51,7 @@ def _paths(contact, omega, m_r) -> Impulse:
     most = np.stack([m_r * dp, 0.0 * dp])
     v_t, couple, path = contact.v_t, np.zeros_like(most), NormalPath(contact, turn_n)
     for _ in range(STEPS):
-        # friction expects the couple of the step before, so that a sticking contact goes on sticking while it rolls
+        # friction assumes the couple of the last step, so that a sticking contact continues to stick while it rolls
         kicked = v_t + kick - turn_t * couple
         d_t = friction(kicked, limit, contact.K_tt)
         omega = omega + spin - turn_t * d_t

@@ -1,23 +1,23 @@
-"""Curved surface: a plate that is bent, or the outside of a large roller.
+"""Curved surface: a bent plate, or the outside of a large roller.
 
     height   h(x) = κ (x − x_0 − c)²/2,   angle ψ(x_c) = κ (x_c − x_0 − c) at the contact point
     gap      φ_n = y + (R(ψ) r)_y − H − h(x_c),   r the contact point of the body at the angle θ − ψ
     contact  velocities along and across the surface there, R(−ψ) v
 
-In space it is a bowl, as curved along y as along x: h = κ |s|²/2, with s from its lowest place to the contact point,
-and the axes there are turned about (s_y, −s_x, 0) until the vertical is its normal.  The whole body is seen in these
-axes, attitude and spin, too.
+In space it is a bowl, with equal curvature along x and y: h = κ |s|²/2, with s from its lowest place to the contact
+point.  The axes there are rotated about (s_y, −s_x, 0) until the third one is the normal of the bowl.  Velocity,
+attitude and spin of the body are expressed in these axes.
 
 | on paper | in code           | unit | shape |                                                                    |
 |----------|-------------------|------|-------|--------------------------------------------------------------------|
 | κ        | `kappa`           | 1/m  |       | curvature, 1 over the radius; positive: a hollow                   |
-| c        | `x_0`             | m    |       | where the surface is level, and as high as believed, from x_0      |
+| c        | `x_0`             | m    |       | place from x_0 where the surface is level, with the assumed height |
 |          | `x_0`, `y_0`      | m    |       | in space: the lowest place, from the reference (x_0, y_0)          |
 | x_0      | `rig.reference.x` | m    |       | the place where the drops fall                                     |
 | x_c      |                   | m    | (n,)  | place of the contact point, x + (R(ψ) r)_x                         |
 
-In the plane to first order in κ r, which is a few thousandths.  The believed surface is level; one that slopes
-everywhere alike is camera_pose, with a slope.  Breaks mirror symmetry.
+In the plane it holds to first order in κ r, which is a few thousandths.  The assumed surface is level; a uniform slope
+is described by camera_pose.  Breaks mirror symmetry.
 """
 
 from dataclasses import replace
@@ -28,8 +28,8 @@ from thesis_lib.effects.effect import IN_SPACE, Effect, Parameter, vector
 from thesis_lib.mechanics.space import multiplied, of_rotation_vector, rotated
 
 _PLACE = Parameter("x_0", "m", null=0.0, low=-2.0, high=2.0, scale=0.05, along="x")
-_ROUNDS = 6  # to the axes at the contact point: each leaves κ r of what the one before has left
-_LOWEST = (-0.2, 0.0, 0.2)  # m: places with which a fit may start
+_ROUNDS = 6  # iterations to the axes at the contact point: each multiplies the error by κ r
+_LOWEST = (-0.2, 0.0, 0.2)  # m: places from which a fit may start
 
 
 class CurvedSurface(Effect):
@@ -83,7 +83,7 @@ class CurvedSurface(Effect):
 
 
 def _angle(state, p, rig):
-    """ψ (n,) in rad, and the contact points (2, n) in m in the axes of the surface there and as believed."""
+    """Angle ψ (n,) in rad, and the contact points (2, n) in m in the local axes of the surface and as assumed."""
     believed = rig.lowest(state)
     x = state.x - rig.reference.x - p["x_0"]
     r = rig.shape.lowest(state.attitude - p["kappa"] * (x + believed[0]))
@@ -91,7 +91,7 @@ def _angle(state, p, rig):
 
 
 def _under(state, p, rig):
-    """In space: slope (2, n) of the surface where the body touches it, and that point (3, n) from the body in m."""
+    """In space: slope (2, n) of the surface at the contact point, and that point (3, n) from the body origin in m."""
     slope = np.zeros((2, len(state)))
     for _ in range(_ROUNDS):
         r = rotated(_turn(slope), rig.lowest(_seen_from(state, -slope)))
@@ -105,26 +105,26 @@ def _slope_at(state, r, p, rig):
 
 
 def _lowest(p, rig):
-    """In space: the lowest place (2, n)."""
+    """In space: lowest place (2, n) of the bowl."""
     return np.array([[rig.reference.x], [rig.reference.y]]) + vector(p, ("x_0", "y_0"))
 
 
 def _turn(slope):
-    """In space: the quaternion (4, n) that turns the vertical into the normal of a surface with this slope."""
+    """In space: quaternion (4, n) that rotates the vertical into the normal of a surface with this slope."""
     steep = np.sqrt((slope**2).sum(axis=0))
     angle = np.divide(np.arctan(steep), steep, out=np.ones_like(steep), where=steep > 0.0)
     return of_rotation_vector(angle * np.stack([slope[1], -slope[0], np.zeros(len(steep))]))
 
 
 def _seen_from(state, slope):
-    """In space: the state in axes of a surface whose slope is −`slope`, with that slope turned back."""
+    """In space: state expressed in the axes of a surface whose slope is −`slope`."""
     turn = _turn(slope)
     attitude = multiplied(turn, state.attitude)
     return state.changed(None, attitude, rotated(turn, state.velocity), rotated(turn, state.spin))
 
 
 def _turned(state, angle):
-    """The state with its velocity turned by angles (n,) in rad."""
+    """State with its velocity rotated by angles (n,) in rad."""
     sin, less = np.sin(angle), 2.0 * np.sin(0.5 * angle) ** 2
     return state.moved(vx=state.vx - less * state.vx - sin * state.vy, vy=state.vy + sin * state.vx - less * state.vy)
 

@@ -1,20 +1,20 @@
-"""An impact on whose path a couple, a sideways force or another friction acts, as the state has it at each moment.
+"""Impulse path with a couple, a tangential force or a modified friction that depends on the current slip and spin.
 
-Shared by effects of one's own; not an effect itself.  With the normal impulse p as "time", as in `impulse_path`,
+Shared by user-defined effects; not an effect itself.  With the normal impulse p as "time", as in `impulse_path`,
 
     dτ = l dp,   dc_t = s dp + friction,   |friction| ≤ f μ dp
 
-with l, s and f functions of the slip v_t and the angular velocity ω at that moment.  So friction resists what pushes
-sideways, and restitution goes by the work that is left.  The difference of this path and the one without it is added
-to the impulse of the law in use.
+with l, s and f functions of the slip v_t and the angular velocity ω at that moment.  Friction therefore resists the
+tangential force, and restitution depends on the remaining work.  The difference between this path and the path without
+the additional terms is added to the impulse of the law in use.
 
 | on paper | in code    | unit | shape | meaning                                                   |
 |----------|------------|------|-------|-----------------------------------------------------------|
 | l        | `couple`   | m    | (n,)  | couple over the normal impulse, counter-clockwise         |
-| s        | `sideways` | 1    | (n,)  | tangential over normal impulse, beside friction           |
-| f        | `factor`   | 1    | (n,)  | factor on μ; below 0 counts as 0                          |
+| s        | `sideways` | 1    | (n,)  | tangential over normal impulse, in addition to friction   |
+| f        | `factor`   | 1    | (n,)  | factor on μ; values below 0 count as 0                    |
 
-l is cut at the radius of gyration k, s at 1 and f at 20, so that nothing that feeds itself runs away.
+l is limited to the radius of gyration k, s to 1 and f to 20, so that positive feedback cannot diverge.
 """
 
 from collections.abc import Callable
@@ -25,8 +25,8 @@ from thesis_lib.effects.effect import Impulse
 from thesis_lib.effects.impulse_path import STEPS, NormalPath, added, friction, whole_impulse
 from thesis_lib.mechanics.contact import Contact
 
-LARGEST = 1.0  # of |l|/k and |s|: what exceeds the normal force no longer corrects a contact
-HIGHEST = 20.0  # of f
+LARGEST = 1.0  # limit of |l|/k and |s|: a term larger than the normal force is no longer a correction
+HIGHEST = 20.0  # limit of f
 Moment = Callable[[np.ndarray, np.ndarray], np.ndarray]  # of v_t (n,) in m/s and ω (n,) in rad/s
 
 
@@ -39,7 +39,7 @@ def driven(
     sideways: Moment | None = None,
     factor: Moment | None = None,
 ) -> Impulse:
-    """`impulse` (n,) with what the driven path has more than the plain one."""
+    """Impulse (n,) of the law plus the difference between the driven path and the plain path."""
     (r_x, r_y), mu, k2 = contact.r, contact.mu, 1.0 / contact.mobility
     with np.errstate(all="ignore"):
         dp = whole_impulse(contact) / STEPS
@@ -47,9 +47,9 @@ def driven(
         v_t, turning = np.stack([contact.v_t, contact.v_t]), np.stack([omega, omega])
         was_t, was_turning = v_t[0], turning[0]
         none = np.zeros_like(v_t)
-        levers, pushes, factors = none[0], none[0], none[0] + 1.0  # the largest on the way
+        levers, pushes, factors = none[0], none[0], none[0] + 1.0  # largest values along the path
         for _ in range(STEPS):
-            # the moment in the middle of the step, extrapolated from the step before
+            # slip and spin in the middle of the step, extrapolated from the last step
             moment = 1.5 * v_t[0] - 0.5 * was_t, 1.5 * turning[0] - 0.5 * was_turning
             d_tau, push, limit = none.copy(), none.copy(), np.stack([mu * dp, mu * dp])
             if couple is not None:

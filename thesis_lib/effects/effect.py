@@ -1,27 +1,27 @@
 """Interface of a candidate physical effect: a name, an equation, parameters, and the stages at which it acts.
 
-The prediction of an impact goes through these stages.  An effect overrides the hooks of those at which it acts, so that
-any set of effects can be on at once; at its null parameters it changes nothing:
+The prediction of an impact passes through the stages below.  Each stage has a method, its hook; an effect overrides the
+hooks of the stages at which it acts.  Any set of effects can be active; at its null parameters an effect does nothing:
 
-    measured state ── to_true ──► true state ── to_contact ──► state as the contact sees it
+    measured state ── to_true ──► true state ── to_contact ──► state of the true centre of mass, relative to the surface
         contact_point, inertia                   where and on what the impulse acts
-        contact_time                             τ, where contacts take time
+        contact_time                             τ, if contacts have a duration
         coefficients ──► law ──► impulse         μ, ε before the law; impulse and couple after it
     v_post as measured ◄── to_measured ── v_post ◄── from_contact ── v⁺ = v + M⁻¹ Jᵀ c
 
-and between impacts `acceleration` gives the flight, `gap` the distance of body and surface at an impact, `sliding` the
+Further hooks: `acceleration` in flight between impacts, `gap` between body and surface at an impact, and `sliding`, the
 friction of a body that the surface supports.
-Up to `to_contact` a state is that of the body origin; `contact_point`, `contact_time`, `coefficients` and `impulse`
-get the state as the contact sees it.
-A measurement effect changes the prediction of what is measured, never the measurement itself.
+Before `to_contact` a state describes the body origin; `contact_point`, `contact_time`, `coefficients` and `impulse`
+receive the state that `to_contact` returns.
+A measurement effect changes the predicted measurement, never the data.
 
-Arrays hold components first: r (d, n), accelerations (d + turns, n), as in `thesis_lib/mechanics/space.py`.  An effect
-that is written so lives in space, too, and says it with `dimensions = IN_SPACE`; a parameter that is a vector has a
-component for each axis there (`vectors`).
+The first axis of an array holds the components: r (d, n), accelerations (d + turns, n), as in
+`thesis_lib/mechanics/space.py`.  An effect written this way also works in space and declares this by `dimensions =
+IN_SPACE`; a vector parameter then has a component for each axis (`vectors`).
 
-Effects act one after the other in the order of `in_order`, whatever the order in which they were chosen.  Places, times
-and numbers of releases have no origin of their own: an effect that depends on one counts it from `rig.reference`, so
-that μ, ε and τ are those in the middle of the measured impacts.
+Effects act one after the other in the order of `in_order`, whatever the order in which they were chosen.  Origins of
+place, time and release number are arbitrary: an effect that depends on one of these counts from `rig.reference`, so
+μ, ε and τ hold in the middle of the measured impacts.
 
 | on paper        | in code            | unit               | shape         |                                         |
 |-----------------|--------------------|--------------------|---------------|-----------------------------------------|
@@ -33,7 +33,7 @@ that μ, ε and τ are those in the middle of the measured impacts.
 | c               | `c`                | N s/kg             | d of (n,)     | impulse on the body, per unit mass      |
 |                 | `couple`           | N m s/kg           | (n,), (3, n)  | couple about the contact point          |
 
-Masses are 1 throughout: impacts need the inertia per mass only.
+Masses are 1 throughout: impacts depend only on the inertia per mass.
 """
 
 from collections.abc import Iterable, Mapping
@@ -65,18 +65,18 @@ class Parameter:
 
     Attributes:
         name: key, a standard symbol spelled out (e_t, c_x, ...).
-        unit: SI.
+        unit: SI unit.
         null: value at which the effect is absent.
-        low, high: bounds, inclusive; beyond them the effect makes no physical sense.
-        scale: a size that would matter, for steps and starting values.
+        low, high: bounds, inclusive; values beyond them are unphysical.
+        scale: a relevant size, for finite-difference steps and starting values.
         starts: further starting values, for effects whose misfit has more than one minimum.
         discrete: the other value, for effects that are on or off (a mirrored axis); else None.
-        choices: further values of a discrete one, as of one axis among three.
-        words: what its values but the null stand for, of one with choices.
-        along: "x", "t" or "trial" of one that is itself a place, a time or a release, from `Rig.reference`; else "".
-        of: the parameter of the law in whose place it acts: the effect is absent where both are equal, and `null` is a
-            start; "" of one that is absent at its null.
-        open_end: whether an end of its range is an answer: an edge beyond all impacts, or sharper than they show.
+        choices: further values of a discrete parameter, for example to select one of three axes.
+        words: meanings of all values except the null, for a parameter with choices.
+        along: "x", "t" or "trial" if the parameter is a place, a time or a release from `Rig.reference`; else "".
+        of: parameter of the law that this parameter replaces: the effect is absent if both are equal, and `null` is
+            only a starting value; "" if the effect is absent at `null`.
+        open_end: whether a bound is a valid result: an edge beyond all impacts, or sharper than the data resolve.
     """
 
     name: str
@@ -94,16 +94,16 @@ class Parameter:
     open_end: bool = False
 
     def absent_at(self, values: Mapping[str, float]) -> float:
-        """The value at which the effect is absent from a model with these values of the law."""
+        """Value at which the effect is absent from a model whose law has these parameter values."""
         return values.get(self.of, self.null)
 
     @property
     def options(self) -> tuple[float, ...]:
-        """All values of a discrete parameter but its null."""
+        """All values of a discrete parameter except its null."""
         return () if self.discrete is None else (self.discrete, *self.choices)
 
     def said(self, value: float) -> str:
-        """Meaning of the value of a discrete parameter: one of its `words`, or "on"; of `choices` its number."""
+        """Meaning of a value of a discrete parameter: one of its `words`, or "on", with the value if in `choices`."""
         if self.words and value in self.options:
             return self.words[self.options.index(value)]
         return f"on ({value:g})" if value in self.choices else "on"
@@ -111,9 +111,9 @@ class Parameter:
 
 @dataclass(frozen=True)
 class Reference:
-    """Where effects count from: a place x (m), in space x and y along the surface, a time t (s) and a release.
+    """Origin from which effects count: place x (m; in space also y, along the surface), time t (s) and release.
 
-    In the numbers of the dataset.
+    All values are in the coordinates and numbering of the dataset.
     """
 
     x: float = 0.0
@@ -122,7 +122,7 @@ class Reference:
     y: float = 0.0
 
     def content(self, space: Space) -> dict[str, float]:
-        """For a file: x, t and trial, in space y, too."""
+        """Values to be saved in a file: x, t and trial; in space also y."""
         of_plane = {"x": self.x, "t": self.t, "trial": self.trial}
         return of_plane if space.is_plane else of_plane | {"y": self.y}
 
@@ -132,15 +132,15 @@ ORIGIN = Reference()
 
 @dataclass(frozen=True)
 class Rig:
-    """Body and rig as believed: shape, radius of gyration k_g (m), gravity (m/s²), surface height (m).
+    """Assumed body and experimental set-up: shape, radius of gyration k_g (m), gravity (m/s²), surface height (m).
 
-    In space `tensor` (3, 3), or (3, 3, n) of n bodies, is the inertia per mass in m² along the axes of the body, k_g
-    the root of its mean principal moment, and `down` (3,) the direction of gravity in the axes of the surface, None
-    where it is against the normal.  `tracked` is the pose of the tracked frame in the body, from its centre of mass
-    (None: the camera reports the body), and `world` (4,) the turn of the axes of the surface into those of the
-    recording (None: they are the same).  `recorded` is what the frames of whole tosses say.  Between `walls` states
-    have the number of theirs (`bodies.walls`), and the height is 0.  Without `has_angle` neither the angle nor the spin
-    is measured.  `reference` is where the effects count places, times and releases from.
+    In space `tensor` (3, 3), or (3, 3, n) for n bodies, is the inertia per mass in m² along the body axes, k_g the
+    square root of its mean principal moment, and `down` (3,) the direction of gravity in the axes of the surface (None:
+    opposite to the normal).  `tracked` is the pose of the tracked frame in the body, from its centre of mass (None: the
+    camera reports the body), and `world` (4,) the rotation from the axes of the surface into those of the recording
+    (None: they coincide).  `recorded` holds the frames of whole tosses.  With `walls` each state has the number of its
+    wall (`bodies.walls`), and the height is 0.  If `has_angle` is false, neither angle nor spin is measured.
+    `reference` is the origin from which effects count places, times and releases.
     """
 
     shape: Shape | Any
@@ -158,7 +158,7 @@ class Rig:
 
     @property
     def space(self) -> Space:
-        """Where the body moves."""
+        """Space in which the body moves: the plane or three dimensions."""
         return PLANE if self.tensor is None else SPACE
 
     @property
@@ -168,27 +168,27 @@ class Rig:
 
     @property
     def k_told(self) -> float:
-        """Radius of gyration in m as a weight of errors in spin; 0 where the spin is not measured."""
+        """Radius of gyration in m as the weight of errors in spin; 0 if the spin is not measured."""
         return self.k_g if self.has_angle else 0.0
 
     def lowest(self, state: State) -> np.ndarray:
-        """Contact point (d, n) in m of the believed shape, from the body origin."""
+        """Contact point (d, n) in m of the assumed shape, from the body origin."""
         return self.shape.lowest(state.attitude)
 
     def gap(self, state: State) -> np.ndarray:
-        """Gap φ_n (n,) in m between the believed shape and the believed surface."""
+        """Gap φ_n (n,) in m between the assumed shape and the assumed surface."""
         if self.tensor is None:
             return self.shape.gap(state.y, state.theta, self.height)
         return state.height + self.lowest(state)[-1] - self.height
 
     def lever(self, state: State) -> np.ndarray:
-        """From the centre of mass to the tracked point (d, n) in m, as the body is believed to lie in `state`."""
+        """Vector (d, n) in m from the centre of mass to the tracked point, for the assumed body in `state`."""
         if self.tracked is None:
             return np.zeros((state.space.dimension, 1))
         return state.turned(self.tracked.origin[:, None])
 
     def turned(self, state: State, attitude: np.ndarray, spin: np.ndarray) -> State:
-        """State with another attitude and spin of the body, from the same motion of the tracked point."""
+        """State with the given attitude and spin of the body and an unchanged motion of the tracked point."""
         moved = state.changed(attitude=attitude, spin=spin)
         if self.tracked is None:
             return moved
@@ -197,17 +197,17 @@ class Rig:
         return moved.changed(position=state.position + here - there, velocity=velocity)
 
     def from_recording(self, u: np.ndarray) -> np.ndarray:
-        """Vectors (3, n) in axes of the recording, in those of the surface."""
+        """Vectors (3, n) in the axes of the surface, given in the axes of the recording."""
         return u if self.world is None else rotated(conjugate(self.world)[:, None], u)
 
     @property
     def pull(self) -> np.ndarray:
-        """Acceleration of gravity (d, 1) in m/s² beside one surface in space."""
+        """Acceleration of gravity (d, 1) in m/s², in space with one surface."""
         down = np.array([0.0, 0.0, -1.0]) if self.down is None else self.down
         return self.gravity * down[:, None]
 
     def fall(self, state: State) -> np.ndarray:
-        """Acceleration of gravity (d + turns, n) in m/s² and rad/s², in the frames of the bodies."""
+        """Acceleration (d + turns, n) in free flight in m/s² and rad/s², in the axes of the surface or wall of each."""
         a = np.zeros(state.motion.shape)
         a[state.space.dimension - 1] = -self.gravity
         if self.down is not None:
@@ -215,7 +215,7 @@ class Rig:
         if self.tensor is not None:
             a[3:] = spin_rate(state.attitude, state.spin, self.tensor)
         if self.walls and self.gravity:
-            # the last one is for the plane as it was filmed
+            # the last angle, 0, is for the plane as filmed
             surface = np.full(len(state), AS_FILMED) if state.surface is None else state.surface
             angle = np.array([*(wall.angle for wall in self.walls), 0.0])[surface]
             a[0], a[1] = -self.gravity * np.sin(angle), -self.gravity * np.cos(angle)
@@ -231,12 +231,12 @@ class Impulse:
 
     @classmethod
     def planar(cls, c_t: np.ndarray, c_n: np.ndarray, couple: np.ndarray) -> "Impulse":
-        """Planar impulse with these components (n,); the couple turns counter-clockwise."""
+        """Planar impulse with these components (n,); the couple is positive counter-clockwise."""
         return cls((c_t, c_n), couple)
 
     @property
     def c_t(self) -> np.ndarray:
-        """In the plane: the tangential impulse."""
+        """Tangential impulse (n,), in the plane only."""
         return self.c[0]
 
     @property
@@ -245,41 +245,41 @@ class Impulse:
 
 
 class Effect:
-    """Base of all effects.  Override the class attributes, and the hooks of the stages at which the effect acts.
+    """Base class of all effects.  Override the class attributes and the hooks of the stages at which the effect acts.
 
     Hooks take arrays, components first, and the effect's own parameters `p`, and return new arrays.  A parameter is a
-    number, or an array (n,) with one for each body: fits try several at once.  Hooks are the identity at the null
-    parameters, and never change their arguments.
+    number, or an array (n,) with one value for each body, because fits try several values at once.  Hooks are the
+    identity at the null parameters and never change their arguments.
 
     Attributes:
         name: file name and key, a standard term.
         family: one of `FAMILIES`.
-        title: in figures and reports.
+        title: name in figures and reports.
         equation: in plain text with the symbols of the glossary.
         parameters: see `Parameter`.
-        channels: what it changes: impact (velocity after impact), meet (pose before against pose after), touch
+        channels: quantities it changes: impact (velocity after impact), meet (pose after minus pose before), touch
             (gap at impact), flight (acceleration between impacts), slide (friction while the surface supports it).
         needs_trajectories: whether impacts alone cannot test it.
-        needs_contact_time: whether it is about nothing but the time that contacts take.
-        needs_angle: whether only the angle or the spin shows it, or an unknown spin before the impact mimics it.
-        needs_history: whether it depends on what was before a hit, so that whole tosses must be recorded.
-        needs_one_surface: whether it has no meaning between walls, as it is about gravity or a place along one surface.
-        includes: names of other effects that it is at some of its parameters: it does not compete with them.
-        breaks_mirror: whether it tells left from right, so that a mirrored drop has not the mirrored outcome.
+        needs_contact_time: whether it concerns only the duration of contacts.
+        needs_angle: whether only the angle or the spin reveals it, or an unknown spin before the impact mimics it.
+        needs_history: whether it depends on the motion before a hit, so that whole tosses must be recorded.
+        needs_one_surface: whether it is undefined between walls, because it concerns gravity or a place on one surface.
+        includes: names of effects that are special cases of this one, so that it does not compete with them.
+        breaks_mirror: whether it distinguishes left from right: the outcome of a mirrored drop is not mirrored.
         bends: whether the camera reports a parabola as another kind of curve: its map is not linear in the pose.
-        turns: whether in space a body is seen to turn freely in another way, as its inertia or its axes are others.
-        even: whether what it adds to the acceleration in flight depends on angle and spin alone, and changes no spin.
+        turns: whether it changes the free rotation seen in space, because inertia or axes of the body differ.
+        even: whether its part of the acceleration in flight depends on angle and spin only and changes no spin.
         along: which of x, t and trial, in space also y, it counts from `rig.reference`.
-        rank: its place among the effects that act together; see `in_order`.
-        dimensions: 2 where it lives in the plane, 3 where it lives in space.
-        vectors: names of parameters that are vectors: “c” stands for c_x and c_y, in space also c_z.
-        own_in_space: the parameters in space, of an effect that has others there than `vectors` make.
-        level: pairs of parameters in space that are a vector along the surface, and how many times its turn about the
-            normal turns them: (first, second, 1), of an ellipse 2.
-        embedded: of those the ones that a motion in the plane x, z of space shows: (of space, of the plane, factor).
-        denies: the property of the body that it says is not as believed: "inertia", "size" or "centre of mass", each
-            parameter in the unit of `Body.known`; "" if it leaves the body as it is.
-        reference: source, with DOI where there is one.
+        rank: its position in the order in which effects act; see `in_order`.
+        dimensions: 2 if it is defined in the plane, 3 if it is defined in space.
+        vectors: names of vector parameters: “c” stands for c_x and c_y, in space also c_z.
+        own_in_space: parameters in space, if they differ from those that follow from `vectors`.
+        level: pairs of parameters in space that form a vector along the surface, with the multiple of a rotation angle
+            about the normal by which the pair rotates: (first, second, 1); for an ellipse 2.
+        embedded: those of `own_in_space` that a motion in the plane x, z shows: (in space, in the plane, factor).
+        denies: property of the body whose assumed value this effect contradicts: "inertia", "size" or "centre of mass",
+            with each parameter in the unit of `Body.known`; "" if it leaves the body unchanged.
+        reference: source, with DOI if it has one.
     """
 
     name: str
@@ -309,66 +309,66 @@ class Effect:
     reference: str = ""
 
     def applies_to(self, rig: Rig) -> bool:
-        """Whether the effect can exist on this rig (a corner radius needs corners)."""
+        """Whether the effect is possible with this rig (a corner radius needs corners)."""
         return True
 
     def shapes(self, state: State, rig: Rig) -> list[dict[str, float]]:
-        """Starting values of the parameters that say where the effect is, from the measured states before impact.
+        """Starting values of the parameters that locate the effect, from the measured states before impact.
 
-        For effects that are nowhere without them (a patch); fits take the best of them, with all others fitted.  Empty
-        for effects whose `Parameter.starts` suffice.
+        For effects that need a location (a patch): a fit starts from the best of them, with all other parameters
+        fitted.  Empty for effects whose `Parameter.starts` suffice.
         """
         return []
 
     def unseen(self, rig: Rig) -> np.ndarray:
-        """Directions (k, n) in the space of its n parameters that nothing on this rig can show; they are not fitted."""
+        """Directions (k, n) in the space of its n parameters that are unobservable on this rig; they are not fitted."""
         return np.zeros((0, len(parameters_in(self, rig.space))))
 
     # measurement ------------------------------------------------------------------------------------------------
     def to_true(self, state: State, p: Parameters, rig: Rig) -> State:
-        """True state behind a measured one."""
+        """True state that corresponds to a measured one."""
         return state
 
     def to_measured(self, state: State, p: Parameters, rig: Rig) -> State:
-        """Measured state of a true one; the inverse of `to_true`."""
+        """Measured state that corresponds to a true one; the inverse of `to_true`."""
         return state
 
     def meet(self, jump: np.ndarray, before: State, after: State, p: Parameters) -> np.ndarray:
-        """Measured pose after minus before at the impact, (d + turns, n) in m, rad; zero without a fault."""
+        """Measured pose after minus pose before the impact, (d + turns, n) in m, rad; zero for perfect measurements."""
         return jump
 
     # contact ----------------------------------------------------------------------------------------------------
     def to_contact(self, state: State, p: Parameters, rig: Rig) -> State:
-        """State as the contact sees it: velocity of the true centre of mass, relative to the surface."""
+        """State for the contact: velocity of the true centre of mass, relative to the surface."""
         return state
 
     def from_contact(self, state: State, p: Parameters, rig: Rig) -> State:
-        """The inverse of `to_contact`."""
+        """State of the body origin from the state for the contact; the inverse of `to_contact`."""
         return state
 
     def contact_point(self, r: np.ndarray, state: State, p: Parameters, rig: Rig) -> np.ndarray:
-        """Contact point r (d, n) in m, from the true centre of mass."""
+        """Contact point r (d, n) in m from the true centre of mass."""
         return r
 
     def gap(self, gap: np.ndarray, state: State, p: Parameters, rig: Rig) -> np.ndarray:
-        """Gap φ_n (n,) in m between believed shape, at its true pose `state`, and believed surface at contact.
+        """Gap φ_n (n,) in m between assumed shape, at its true pose `state`, and assumed surface at contact.
 
-        Effects add their parts to `gap`.  Effects of the measurement have none, because the pose is the true one.
+        Effects add their parts to `gap`.  Measurement effects add nothing, because the pose is the true one.
         """
         return gap
 
     def inertia(self, G: np.ndarray | float, p: Parameters) -> np.ndarray | float:
-        """True inertia per mass in m²: k² in the plane; in space (3, 3, 1) or (3, 3, n), along axes of the body."""
+        """True inertia per mass in m²: k² in the plane; in space (3, 3, 1) or (3, 3, n), along the body axes."""
         return G
 
     def coefficients(
         self, mu: np.ndarray, epsilon: np.ndarray, contact: Contact, state: State, p: Parameters, rig: Rig
     ) -> tuple[np.ndarray, np.ndarray]:
-        """μ and ε (n,) of each impact, given those of the law."""
+        """Coefficients μ and ε (n,) of each impact, given those of the law."""
         return mu, epsilon
 
     def contact_time(self, tau: np.ndarray, contact: Contact, state: State, p: Parameters, rig: Rig) -> np.ndarray:
-        """τ (n,) in s of each impact, as in a central one; not negative.  Only models that take time ask for it."""
+        """Time τ (n,) ≥ 0 in s of each impact, as if it were central; used only by models with a contact time."""
         return tau
 
     def impulse(self, impulse: Impulse, contact: Contact, state: State, p: Parameters, rig: Rig) -> Impulse:
@@ -379,28 +379,28 @@ class Effect:
         return impulse
 
     def sliding(self, mu: np.ndarray, contact: Contact, state: State, p: Parameters, rig: Rig) -> np.ndarray:
-        """Coefficient of friction (n,) of bodies that slide on the surface, given that of impacts at this place.
+        """Coefficient of friction (n,) of bodies that slide on the surface, given the one for impacts at this place.
 
-        In space also a symmetric matrix M (2, 2, n): friction is then limited by an ellipse (`anisotropic_friction`).
+        In space it may be a symmetric matrix M (2, 2, n); an ellipse then limits friction (`anisotropic_friction`).
         """
         return mu
 
     # flight -----------------------------------------------------------------------------------------------------
     def acceleration(self, a: np.ndarray, state: State, p: Parameters, rig: Rig) -> np.ndarray:
-        """Acceleration (d + turns, n) of the body origin in flight, m/s², rad/s²; `state` is the true one."""
+        """Acceleration (d + turns, n) of the body origin in flight, m/s², rad/s²; `state` is the true state."""
         return a
 
     def arc(self, tau: np.ndarray, state: State, p: Parameters, rig: Rig) -> np.ndarray | None:
         """Deviation of the true path from pose + velocity τ + acceleration τ²/2, at times τ (n, W) from `state`.
 
-        (d + turns, n, W) in m, rad; None if the acceleration is practically constant over a tenth of a second.  What
-        the camera bends (`bends`) follows from its map.
+        (d + turns, n, W) in m, rad; None if the acceleration is practically constant over a tenth of a second.  The
+        bending by a camera (`bends`) follows from its map and is not included.
         """
         return None
 
 
 class CameraEffect(Effect):
-    """A fault of the measurement that is undone by the same map with the other sign."""
+    """Measurement effect whose inverse is the same map with the opposite sign."""
 
     family: Family = "measurement"
 
@@ -411,12 +411,12 @@ class CameraEffect(Effect):
         return self.seen(state, p, 1.0, rig)
 
     def seen(self, state: State, p: Parameters, way: float, rig: Rig) -> State:
-        """Measured state of a true one where `way` is 1, true state behind a measured one where it is −1."""
+        """Measured state of a true one if `way` is 1; true state of a measured one if `way` is −1."""
         raise NotImplementedError
 
 
 def parameters_in(effect: Effect, space: Space) -> tuple[Parameter, ...]:
-    """The parameters of the effect, those that are vectors with a component for each axis of the space."""
+    """Parameters of the effect in this space; a vector parameter has a component for each axis."""
     if space.is_plane or effect.own_in_space:
         return effect.parameters if space.is_plane else effect.own_in_space
     found = []
@@ -428,7 +428,7 @@ def parameters_in(effect: Effect, space: Space) -> tuple[Parameter, ...]:
 
 
 def values_in_space(effect: Effect, of_plane: Mapping[str, float]) -> dict[str, float]:
-    """The effect's parameters in space for those `of_plane`, of a motion in the plane x, z; up is y in the plane."""
+    """Parameters in space equivalent to those `of_plane`, for a motion in the plane x, z; y in the plane becomes z."""
     p = {q.name: q.null if effect.own_in_space else of_plane.get(q.name, 0.0) for q in parameters_in(effect, SPACE)}
     for vector in effect.vectors:
         p[f"{vector}_y"], p[f"{vector}_z"] = 0.0, of_plane[f"{vector}_y"]
@@ -436,17 +436,17 @@ def values_in_space(effect: Effect, of_plane: Mapping[str, float]) -> dict[str, 
 
 
 def components(p: Parameter, names: Iterable[str]) -> tuple[Parameter, ...]:
-    """The parameter once for each of these names, as the components of a vector."""
+    """Copies of the parameter with these names, as the components of a vector."""
     return tuple(replace(p, name=name) for name in names)
 
 
 def along_axes(p: Parameters, name: str, space: Space) -> np.ndarray:
-    """The vector parameter `name`, (d, 1), or (d, n) if there is one for each body."""
+    """Vector parameter `name`, (d, 1), or (d, n) if each body has its own."""
     return vector(p, (f"{name}_{axis}" for axis in "xyz"[: space.dimension]))
 
 
 def vector(p: Parameters, names: Iterable[str]) -> np.ndarray:
-    """The vector with these components, (k, 1), or (k, n) if there is one for each body."""
+    """Vector with these components, (k, 1), or (k, n) if each body has its own."""
     parts = [p[name] for name in names]
     if any(isinstance(part, np.ndarray) for part in parts):
         return np.array(np.broadcast_arrays(*parts))
@@ -456,21 +456,21 @@ def vector(p: Parameters, names: Iterable[str]) -> np.ndarray:
 def in_order(effects: Iterable[Effect]) -> list[Effect]:
     """Effects in the order in which they act: by rank, then by family and name.
 
-    A rank is needed where two effects do not commute.  From an impact to the record:
+    Two effects that do not commute need different ranks.  From the impact to the recording:
 
-    | rank | effect                      | why there                                                               |
+    | rank | effect                      | reason                                                                  |
     |------|-----------------------------|-------------------------------------------------------------------------|
-    | −1   | tangential_restitution      | it asks which impulses of the law stick, before others change them      |
-    | 0    | all others                  | they commute, but for limits such as ε ≤ 1                              |
-    | 1    | anisotropic_friction        | friction of either direction of the slip,                               |
-    | 1    | inertia_axes                | it turns the moments that others change along the believed axes         |
-    | 2    | velocity_dependent_friction | which then depends on its speed                                         |
-    | 3    | tangential_compliance       | the spring that this friction holds                                     |
-    | 4    | contact_torque, torsional_friction | rolling and spinning, with what these leave of the spin          |
-    | 5    | adhesion                    | it takes its energy from the rebound that all else leaves               |
-    | 6    | com_offset                  | the origin circles with the angular acceleration of all forces          |
+    | −1   | tangential_restitution      | it must find which contacts stick before other effects change impulses  |
+    | 0    | all others                  | they commute, except for limits such as ε ≤ 1                           |
+    | 1    | anisotropic_friction        | it sets the friction for each direction of slip                         |
+    | 1    | inertia_axes                | it rotates moments that others change along the assumed axes            |
+    | 2    | velocity_dependent_friction | it lets that friction depend on the speed of slip                       |
+    | 3    | tangential_compliance       | that friction limits the force of its spring                            |
+    | 4    | contact_torque, torsional_friction | rolling and spinning, with the spin that the above leave         |
+    | 5    | adhesion                    | it takes energy from the rebound that the above leave                   |
+    | 6    | com_offset                  | the origin circles with the angular acceleration due to all forces      |
     | 7    | curved_surface              | the axes of the surface, for the centre of mass                         |
     | 8    | moving_surface              | its velocity is along the surface, whose axes others may have turned    |
-    | 10…  | measurement                 | from the tracked point over camera and scale to the axes of the record  |
+    | 10…  | measurement                 | from the tracked point, by camera and scale, to the recording's axes    |
     """
     return sorted(effects, key=lambda effect: (effect.rank, FAMILIES.index(effect.family), effect.name))

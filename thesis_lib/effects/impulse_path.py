@@ -1,24 +1,23 @@
-"""The path of an impact in steps of the normal impulse, for effects that change Coulomb's law on the way.
+"""Path of an impact in steps of the normal impulse, for effects that change Coulomb's law during the impact.
 
 Shared by effects; not an effect itself.  With the normal impulse p as "time" (Routh), and per unit mass,
 
     dv_t = K_tt dc_t + K_tn dp − (r_y / k²) dτ,   dv_n = K_nn dp + K_tn dc_t + (r_x / k²) dτ
 
-Within a step friction is what would end the slip, at most μ dp; a constant μ is thus followed exactly, but for the one
-step in which the slip reverses.  Restitution ends by Stronge's energetic coefficient: W = ∫ v_n dp has its least value
-W_c at maximum compression, and the impact ends at W = (1 − ε²) W_c.  v_n is linear in p within a step, so both have
-closed forms; the last step is extended, or cut, to where the impact ends.
+Within a step, friction is the impulse that would end the slip, limited to μ dp; the path for a constant μ is therefore
+exact, except in the one step in which the slip reverses.  Restitution ends by Stronge's energetic coefficient: the work
+W = ∫ v_n dp has its least value W_c at maximum compression, and the impact ends at W = (1 − ε²) W_c.  v_n is linear in
+p within a step, so both have closed forms; the last step is lengthened or shortened to the end of the impact.
 
-An effect takes the *difference* of two such paths, with it and without it (rows 0 and 1 of arrays (2, n)), and adds it
-to the impulse of the law in use (`added`): errors of the steps cancel, a null effect changes nothing, and all else is
-as the law has it.
+An effect adds the *difference* of two such paths, with and without the effect (rows 0 and 1 of arrays (2, n)), to the
+impulse of the law in use (`added`): step errors cancel, a null effect changes nothing, and all else follows the law.
 
 | on paper | in code   | unit      | shape  |                                                       |
 |----------|-----------|-----------|--------|-------------------------------------------------------|
 | dp       | `dp`      | N s/kg    | (n,)   | normal impulse of a step, the same on both paths      |
 | v_n      | `v_n`     | m/s       | (2, n) | normal contact velocity at the end of a step          |
 | dc_t, dτ | `d_t`, `d_tau`  | N s/kg, N m s/kg | (2, n) | friction impulse and couple of a step      |
-| p_end    | `whole_impulse` | N s/kg | (n,)   | normal impulse of the path with constant μ            |
+| p_end    | `whole_impulse` | N s/kg | (n,)   | normal impulse of the whole path with constant μ      |
 
 Sources: Routh 1860; Stronge 1990, doi:10.1098/rspa.1990.0125; Mirtich 1996.
 """
@@ -32,31 +31,31 @@ from thesis_lib.contact.mirtich import impulse as exact_impulse
 from thesis_lib.effects.effect import Impulse
 from thesis_lib.mechanics.contact import Contact
 
-STEPS = 12  # of one path; the velocities after impact then err by about 1 mm/s in the mean, at 1 to 3 m/s
+STEPS = 12  # steps of one path; the mean error of velocities after impact is then about 1 mm/s, at 1 to 3 m/s
 _TINY = 1e-30  # m/s; a step without any rise of v_n lies wholly in compression or in restitution
-_FLATTEST = 1e-6  # of dv_n/dp over K_nn, for the last step
+_FLATTEST = 1e-6  # lower limit of dv_n/dp over K_nn, for the last step
 
 
 def whole_impulse(contact: Contact) -> np.ndarray:
-    """Normal impulse (n,) in N s/kg of the path with constant μ: the length that is divided into steps."""
+    """Normal impulse (n,) in N s/kg of the whole path with constant μ, which is divided into steps."""
     with np.errstate(all="ignore"):
         return exact_impulse(contact, contact.mu, contact.epsilon)[-1]
 
 
 def friction(kicked: np.ndarray, limit: np.ndarray, K_tt: np.ndarray) -> np.ndarray:
-    """Friction impulse of a step in N s/kg: what ends the slip `kicked` (m/s), at most `limit`; (n,) or (2, n)."""
+    """Friction impulse (n,) or (2, n) of a step in N s/kg that ends the slip `kicked` (m/s), limited to ±`limit`."""
     return np.maximum(np.minimum(kicked / -K_tt, limit), -limit)
 
 
 def walk(contact: Contact, factor: Callable[[np.ndarray], np.ndarray], steps: int = STEPS) -> Impulse:
-    """Impulses (2, n) at the ends of two paths: the friction of the first is μ `factor`(v_t), of the second μ."""
+    """Impulses (2, n) at the ends of two paths: the first with friction μ `factor`(v_t), the second with μ."""
     dp = whole_impulse(contact) / steps
     kick, path = contact.K_tn * dp, NormalPath(contact)
     limit = np.stack([contact.mu * dp, contact.mu * dp])
     v_t = before = np.stack([contact.v_t, contact.v_t])
     with np.errstate(all="ignore"):
         for _ in range(steps):
-            # the slip in the middle of the step, extrapolated from the step before
+            # slip in the middle of the step, extrapolated from the last step
             limit[0] = limit[1] * factor(1.5 * v_t[0] - 0.5 * before[0])
             before, kicked = v_t, v_t + kick
             d_t = friction(kicked, limit, contact.K_tt)
@@ -66,11 +65,11 @@ def walk(contact: Contact, factor: Callable[[np.ndarray], np.ndarray], steps: in
 
 
 class NormalPath:
-    """Normal velocity, its work and the impulses along two paths; `end` says where restitution stops.
+    """Normal velocity, its work and the impulses along two paths; `end` returns the impulses at the end of restitution.
 
     Attributes:
-        v_n: (2, n) m/s at the end of the last step.
-        lift: (n,) r_x / k² in rad/m, what a couple does to v_n.
+        v_n: (2, n) normal velocity in m/s at the end of the last step.
+        lift: (n,) r_x / k² in rad/m, the change of v_n per couple.
     """
 
     def __init__(self, contact: Contact, lift: np.ndarray | float = 0.0) -> None:
@@ -87,7 +86,7 @@ class NormalPath:
         self._last = self._c_n, self._none, self._none
 
     def step(self, dp: np.ndarray, d_t: np.ndarray, d_tau: np.ndarray | None = None) -> None:
-        """Advance by the normal impulse `dp` (n,) > 0; friction impulse and couple of the step are (2, n)."""
+        """Advance by the normal impulse `dp` (n,) > 0, with friction impulse and couple (2, n) of the step."""
         self._last = dp, d_t, self._none if d_tau is None else d_tau
         _advance(
             *(self._K_nn, self._K_tn, self.lift, *self._last),
@@ -95,13 +94,13 @@ class NormalPath:
         )
 
     def end(self, epsilon: np.ndarray) -> Impulse:
-        """Impulses (2, n) where restitution has given back the share ε² of the work of compression.
+        """Impulses (2, n) at the end of restitution, which returns the share ε² of the work of compression.
 
-        The last step is extended to there, or cut.
+        The last step is lengthened or shortened to this end.
         """
         dp, d_t, d_tau = self._last
         b = np.maximum(self._rise / dp, _FLATTEST * self._K_nn)
-        # compression may last longer than the steps reach
+        # compression may last beyond the last step
         compression = self._compression - self._low * self._low / b
         # 2 W + 2 v_n x + b x² = (1 − ε²) 2 W_c
         square = self.v_n * self.v_n + b * ((1.0 - epsilon * epsilon) * compression - self._work)
@@ -112,7 +111,7 @@ class NormalPath:
 
 @njit(cache=True, error_model="numpy")
 def _advance(K_nn, K_tn, lift, dp, d_t, d_tau, v_n, low, compression, work, c_t, c_n, tau, rise):
-    """One step of both paths, in place: K and dp (n,), all else but `lift` and c_n (n,) is (2, n)."""
+    """Advance both paths by one step, in place; K, dp, `lift` and c_n are (n,), all others (2, n)."""
     for i in range(len(dp)):
         c_n[i] += dp[i]
     for k in range(2):
@@ -120,7 +119,7 @@ def _advance(K_nn, K_tn, lift, dp, d_t, d_tau, v_n, low, compression, work, c_t,
             up = K_nn[i] * dp[i] + K_tn[i] * d_t[k, i] + lift[i] * d_tau[k, i]
             then = v_n[k, i] + up
             below = 0.0 if then > 0.0 else then
-            # v_n is linear in p: the share of the step that still compresses
+            # v_n is linear in p: share of the step that belongs to compression
             share = (below - low[k, i] + _TINY) / (up + _TINY)
             compression[k, i] += share * (below + low[k, i]) * dp[i]
             work[k, i] += (then + v_n[k, i]) * dp[i]
@@ -130,10 +129,10 @@ def _advance(K_nn, K_tn, lift, dp, d_t, d_tau, v_n, low, compression, work, c_t,
 
 
 def added(impulse: Impulse, paths: Impulse, mu: np.ndarray, lever: np.ndarray | float = 0.0) -> Impulse:
-    """`impulse` (n,) plus the difference of two `paths` (2, n), the first less the second.
+    """Impulse (n,) of the law plus the difference of two `paths` (2, n), the first minus the second.
 
-    The contact still pushes, friction stays inside the cone of the largest `mu` (n,) on the way, and the couple within
-    `lever` (m) times c_n.  Where the law itself leaves the cone, the sum may leave it as far.
+    c_n stays non-negative, friction stays in the cone of the largest `mu` (n,) along the path, and the couple within
+    `lever` (m) times c_n.  If the impulse of the law is outside the cone, the sum may be as far outside.
     """
     d_t, d_n, d_tau = (
         np.where(np.isfinite(pair[0] - pair[1]), pair[0] - pair[1], 0.0)

@@ -1,13 +1,13 @@
-"""Inertia axes: the principal axes of the inertia are turned in the body against the believed ones.
+"""Inertia axes: the principal axes of the inertia are rotated in the body relative to the assumed axes.
 
     G → Q G Qᵀ,   Q = exp(b),   α = G⁻¹ (G ω × ω) in flight
 
-The moments stay.  A turn about the axis of two equal moments changes nothing: it is not fitted.
+The moments do not change.  If two moments are equal, a rotation about the third axis has no effect and is not fitted.
 
 | on paper | in code             | unit | shape        |                                          |
 |----------|---------------------|------|--------------|------------------------------------------|
 | b        | `b_x`, `b_y`, `b_z` | rad  |              | rotation vector, axes of the body        |
-| Q        |                     | 1    | (3, 3, n)    | turn of the believed axes into the true  |
+| Q        |                     | 1    | (3, 3, n)    | rotation of the assumed into true axes   |
 """
 
 import numpy as np
@@ -16,7 +16,7 @@ from thesis_lib.effects.effect import ONLY_SPACE, Effect, Parameter, along_axes,
 from thesis_lib.mechanics.inertia import principal_axes
 from thesis_lib.mechanics.space import SPACE, of_rotation_vector, rotation_matrix
 
-EQUAL = 1e-6  # of the largest moment: moments that differ by less have no axes of their own
+EQUAL = 1e-6  # relative to the largest moment: if moments differ by less, their axes are undefined
 
 
 class InertiaAxes(Effect):
@@ -40,7 +40,7 @@ class InertiaAxes(Effect):
         G = np.asarray(rig.G)[:, :, 0]
         axes = principal_axes(G)
         moments = np.diag(axes.T @ G @ axes)
-        apart = np.abs(np.roll(moments, -1) - np.roll(moments, 1))  # of the two about each axis
+        apart = np.abs(np.roll(moments, -1) - np.roll(moments, 1))  # difference of the other two moments, for each axis
         return axes.T[apart < EQUAL * moments.max()]
 
     def inertia(self, G, p):

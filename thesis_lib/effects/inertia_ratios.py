@@ -1,12 +1,12 @@
-"""Inertia ratios: the principal moments of inertia have other ratios than believed.
+"""Inertia ratios: the principal moments of inertia have other ratios than assumed.
 
-    G → A diag(G_xx, G_yy (1 + a_y), G_zz (1 + a_z)) Aᵀ,   A the believed principal axes,   α = G⁻¹ (G ω × ω) in flight
+    G → A diag(G_xx, G_yy (1 + a_y), G_zz (1 + a_z)) Aᵀ,   A the assumed principal axes,   α = G⁻¹ (G ω × ω) in flight
 
-Hits know the moments, flights their ratios: a flight turns otherwise, and no scale of the whole inertia does that.
+Hits depend on the moments, flights only on their ratios: a common factor of all moments does not change free rotation.
 
 | on paper | in code      | unit | shape  |                                                                  |
 |----------|--------------|------|--------|------------------------------------------------------------------|
-| a_y, a_z | `a_y`, `a_z` | 1    |        | relative errors of two principal moments; that of x stays        |
+| a_y, a_z | `a_y`, `a_z` | 1    |        | relative errors of two principal moments; x is unchanged         |
 | A        | `axes`       | 1    | (3, 3) | columns: the principal axes nearest to x, y, z of the body       |
 | ω, α     |              | rad/s, rad/s² | (3, n) | spin and its change, axes of the body                   |
 """

@@ -1,4 +1,4 @@
-"""Later friction: hits after the first of a toss have another friction (a face that is wet, or dusty, by then).
+"""Later friction: hits after the first of a toss have another friction (a face that has become wet or dusty).
 
     μ ← μ (1 + d)   for all hits but the first of each toss
 
@@ -6,7 +6,7 @@
 |----------|---------|------|-------|-------------------------------------------------------|
 | d        | `d`     | 1    |       | relative change from the first hit to all later ones  |
 
-What changes from toss to toss is wear.
+A change from toss to toss is described by wear.
 """
 
 import numpy as np

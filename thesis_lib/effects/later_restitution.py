@@ -6,7 +6,7 @@
 |----------|---------|------|-------|-------------------------------------------------------|
 | d        | `d`     | 1    |       | relative change from the first hit to all later ones  |
 
-What changes from toss to toss is wear.
+A change from toss to toss is described by wear.
 """
 
 import numpy as np

@@ -1,4 +1,4 @@
-"""Length scale: the lengths that the camera reports, and so the velocities, are too large or too small by a factor.
+"""Length scale: lengths, and therefore velocities, reported by the camera are too large or too small by a factor.
 
     x_measured − x_0 = (1 + s_L) (x − x_0),   y_measured − H = (1 + s_L) (y − H),   v_measured = (1 + s_L) v
 
@@ -37,7 +37,7 @@ class LengthScale(Effect):
 
 
 def _scaled(state, s, rig):
-    """Lengths times 1 + s, about the reference's place on the surface."""
+    """State with lengths times 1 + s, about the reference place on the surface."""
     about = np.zeros((state.space.dimension, 1))
     about[0], about[-1] = rig.reference.x, rig.height
     if rig.tracked is None:

@@ -1,36 +1,36 @@
-"""Lens: radial distortion, by which a picture is too large or too small towards its rim.
+"""Lens: radial distortion, which makes an image too large or too small towards its edge.
 
-With d = x − c from the centre c of the picture and r = |d|:
+With d = x − c from the centre c of the image and r = |d|:
 
-    pose        x_measured = c + (1 + k₁ r²) d             k₁ < 0: barrel, k₁ > 0: pincushion; exact this way
+    pose        x_measured = c + (1 + k₁ r²) d             k₁ < 0: barrel, k₁ > 0: pincushion; exact by definition
     velocity    v_measured = (1 + k₁ r²) v + 2 k₁ (d·v) d
-    flight      the second derivative of the pose along the true flight: parabolas are reported as bent
+    flight      the second derivative of the pose along the true flight: parabolas are reported as other curves
     inverse     r from r_measured = r + k₁ r³, by Newton's method
 
-θ and ω are correct: the map has no rotation anywhere (it is a gradient), so that markers all around the body turn by
-nothing in the mean.
+θ and ω are correct: the map has no rotation anywhere (it is a gradient), so the mean rotation of markers all around the
+body is zero.
 
-In space the camera looks along z of the recording: d and r are those of the tracked point in x and y of the recording,
-its z is correct, and so are attitude and spin.
+In space the camera looks along z of the recording: d and r belong to the tracked point in x and y of the recording; its
+z is correct, and so are attitude and spin.
 
 | on paper | in code      | unit | shape |                                                                        |
 |----------|--------------|------|-------|------------------------------------------------------------------------|
 | k₁       | `k_1`        | 1/m² |       | 0.16 is 1 % at 0.25 m from the centre                                  |
-| c        | `c_x`, `c_y` | m    |       | centre of the picture, from `rig.reference.x` and from the surface     |
-|          | `c_u`, `c_v` | m    |       | in space: along x and y of the recording, from the reference's place   |
+| c        | `c_x`, `c_y` | m    |       | centre of the image, from `rig.reference.x` and from the surface       |
+|          | `c_u`, `c_v` | m    |       | in space: along x and y of the recording, from the reference place     |
 
-Where k₁ < 0 would fold the picture, near r² = −1/(3 k₁), it goes on with the least slope that it has before that.
-Without k₁ the centre is nowhere.  Breaks mirror symmetry.
+For k₁ < 0 the map would fold the image near r² = −1/(3 k₁); from a slope of 1/4 on, before the fold, it is continued
+linearly in r.  If k₁ = 0, the centre is undefined.  Breaks mirror symmetry.
 """
 
 import numpy as np
 
 from thesis_lib.effects.effect import IN_SPACE, Effect, Parameter, components, vector
 
-NEWTON = 8  # most steps to the true radius: to rounding, and to 1e-6 of it where the map has its least slope
-SETTLED = 1e-7  # m, after which the next step is below rounding
-LEAST = 0.25  # slope of the map along the radius
-ASIDE, ABOVE = (-0.2, 0.0, 0.2), (0.05, 0.25, 0.45)  # m: centres with which a fit may start
+NEWTON = 8  # maximum number of steps: the true radius is exact to rounding, at the least slope to a relative 1e-6
+SETTLED = 1e-7  # m: after a step below this size the next is below rounding
+LEAST = 0.25  # least slope of the map along the radius
+ASIDE, ABOVE = (-0.2, 0.0, 0.2), (0.05, 0.25, 0.45)  # m: centres from which a fit may start
 _STRENGTH = Parameter("k_1", "1/m²", null=0.0, low=-1.5, high=5.0, scale=0.1)
 _CENTRE = ("c_u", "c_v")
 
@@ -50,7 +50,7 @@ class Lens(Effect):
     needs_one_surface = True
     reference = "Brown 1971 (close-range camera calibration), Photogrammetric Engineering 37, 855–866"
     breaks_mirror = True
-    includes = ("surface_height",)  # nearly: with its centre far above, where bodies touch
+    includes = ("surface_height",)  # nearly, at the height of contacts, if its centre is far above
     bends = True
     along = ("x",)
     rank = 50
@@ -81,7 +81,7 @@ class Lens(Effect):
 
 
 def _from_centre(state, p, rig):
-    """d, (2, n)."""
+    """Vector d (2, n) from the centre of the image."""
     if not state.space.is_plane:
         about = np.array([[rig.reference.x], [rig.reference.y], [rig.height]])
         return _picture(rig).T @ (state.position + rig.lever(state) - about) - vector(p, _CENTRE)
@@ -89,12 +89,12 @@ def _from_centre(state, p, rig):
 
 
 def _picture(rig):
-    """In space: x and y of the recording, (3, 2) in axes of the surface."""
+    """In space: axes x and y of the recording, (3, 2) in the axes of the surface."""
     return rig.from_recording(np.eye(3)[:, :2])
 
 
 def _stretch(r, k_1):
-    """r_m/r − 1 and (dr_m/dr − r_m/r) / r² at true radii r: k₁ r² and 2 k₁, unless it would fold."""
+    """Stretch r_m/r − 1 and (dr_m/dr − r_m/r) / r² at true radii r: k₁ r² and 2 k₁, unless the image would fold."""
     bound = np.sqrt((1.0 - LEAST) / (3.0 * np.maximum(-k_1, 1e-12)))
     inside = np.minimum(r, bound)
     share = np.divide(inside, r, out=np.ones_like(r), where=r > bound)
@@ -103,7 +103,7 @@ def _stretch(r, k_1):
 
 
 def _moved(state, seen, d, more, bent, rig):
-    """Position and velocity times 1 + `more`, from `seen`; of the velocity also `bent` (d·v) d, at the true d."""
+    """State with position and velocity times 1 + `more`, from `seen`, plus `bent` (d·v) d to the velocity, d true."""
     if not state.space.is_plane:
         axes = _picture(rig)
         v = axes.T @ state.space.velocity_at(state.velocity, state.spin, rig.lever(state))

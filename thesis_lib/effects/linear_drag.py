@@ -1,11 +1,11 @@
-"""Linear drag: a force and a couple against motion, proportional to it (guide plate with lubricant, slow air).
+"""Linear drag: a force and a couple that oppose and are proportional to the motion (lubricated guide plate, slow air).
 
     a ← a − c_v (v_x, v_y),   α ← α − c_w ω
 
 | on paper | in code | unit | shape |                              |
 |----------|---------|------|-------|------------------------------|
-| c_v      | `c_v`   | 1/s  |       | rate at which velocity fades |
-| c_w      | `c_w`   | 1/s  |       | rate at which spin fades     |
+| c_v      | `c_v`   | 1/s  |       | decay rate of the velocity   |
+| c_w      | `c_w`   | 1/s  |       | decay rate of the spin       |
 """
 
 import numpy as np

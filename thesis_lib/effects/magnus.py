@@ -1,10 +1,10 @@
-"""Magnus effect: a spinning body is pushed sideways.
+"""Magnus effect: the air pushes a spinning body perpendicular to its velocity.
 
     a ← a + k_m ω × v = a + k_m ω (−v_y, v_x)
 
 | on paper | in code | unit | shape |                                                           |
 |----------|---------|------|-------|-----------------------------------------------------------|
-| k_m      | `k_m`   | 1    |       | mass of the air carried round, over the body's mass        |
+| k_m      | `k_m`   | 1    |       | mass of the co-rotating air over the mass of the body     |
 
 The force is perpendicular to the velocity and does no work.
 """

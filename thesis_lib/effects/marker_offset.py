@@ -1,4 +1,4 @@
-"""Marker offset: what is tracked is not the centre of the body, where shape and mass are believed to be.
+"""Marker offset: the tracked point is not the centre of the body, to which shape and mass are referred.
 
 With d the tracked point minus the body's centre in the body frame and D = R(θ) d:
 
@@ -11,9 +11,9 @@ With d the tracked point minus the body's centre in the body frame and D = R(θ)
 | d        | `d_x`, `d_y` | m    |       | body frame                                                         |
 | D        | `D_x`, `D_y` | m    | (n,)  | axes of the surface                                                |
 
-A displaced centre of mass (com_offset) with c = −d has the same flights.  But there the outline of the body is where it
-is believed to be, while a marker takes it along: the contact has the believed lever, and the gap at impact is wrong by
-D_y.  A marker frame that is turned is an angle_offset.
+A displaced centre of mass (com_offset) with c = −d has the same flights.  But then the outline of the body is where it
+is assumed to be, whereas a marker offset shifts outline and mass together: the contact has the assumed lever, and the
+gap at impact is wrong by D_y.  A rotated marker frame is described by angle_offset.
 """
 
 from thesis_lib.effects.effect import IN_SPACE, CameraEffect, Parameter, along_axes, components

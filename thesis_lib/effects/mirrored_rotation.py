@@ -2,8 +2,8 @@
 
     θ_measured = −θ,   ω_measured = −ω;   in space R_measured = M R M,   M the mirror of one axis of the recording
 
-On or off, no size.  The contact point follows from the true angle.  It looks like a huge contact torque,
-τ ≈ −2 r_y c_t.
+It is on or off and has no size.  The contact point follows from the true angle.  The effect resembles a huge contact
+torque, τ ≈ −2 r_y c_t.
 
 | on paper | in code    | unit | shape |                                                                      |
 |----------|------------|------|-------|----------------------------------------------------------------------|
@@ -19,7 +19,7 @@ from thesis_lib.effects.effect import IN_SPACE, Effect, Parameter
 from thesis_lib.effects.relabelled_rotation import relabelled
 
 _ON = Parameter("mirrored", "1", null=0.0, low=0.0, high=1.0, scale=1.0, discrete=1.0)
-# a turn about the mirrored axis stays, those about the others are reversed
+# a rotation about the mirrored axis is unchanged, rotations about the other axes are reversed
 SIGNS = {axis: np.diag([1.0, *np.where(np.arange(1, 4) == axis, 1.0, -1.0)]) for axis in (1, 2, 3)}
 
 

@@ -1,15 +1,15 @@
-"""Misread rotation: the numbers of a quaternion stand for another turn than they were read as.
+"""Misread rotation: the components of a quaternion were read in another convention than they were written.
 
-    q_measured = P q,   P one of
+    q_measured = P q,   P one of the following
 
 | on paper          | in code        | unit | shape |                                                              |
 |-------------------|----------------|------|-------|--------------------------------------------------------------|
-|                   | `reading`      | 1    |       | 0: as it should be; else the number of a row below           |
-| (w, −x, −y, −z)   | 1              |      |       | conjugate: turns of the world into the body                  |
+|                   | `reading`      | 1    |       | 0: correct; otherwise the number of a row below              |
+| (w, −x, −y, −z)   | 1              |      |       | conjugate: rotation from the world into the body             |
 | (x, y, z, w)      | 2              |      |       | scalar last, read as scalar first                            |
-| (w, −x, y, z), …  | 3, 4, 5        |      |       | one sign: that of x, y or z                                  |
+| (w, −x, y, z), …  | 3, 4, 5        |      |       | one sign is wrong: of x, y or z                              |
 
-Of a body with three equal inertias flights cannot show it; hits and rests can.
+If the three principal moments of inertia are equal, flights cannot reveal it; hits and rests can.
 """
 
 import numpy as np

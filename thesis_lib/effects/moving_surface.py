@@ -1,13 +1,13 @@
 """Moving surface: the surface slides along t at a constant velocity, like a conveyor.
 
-    v_x seen by the contact = v_x − V
+    v_x relative to the surface = v_x − V
 
 | on paper | in code | unit | shape |                                            |
 |----------|---------|------|-------|--------------------------------------------|
 | V        | `V`     | m/s  |       | velocity of the surface along +t           |
 |          | `V_x`, `V_y` | m/s |   | in space: along both axes of the surface   |
 
-Impacts alone cannot tell it from a camera that drifts at the same velocity (the laws are the same in both frames).
+Impacts alone cannot distinguish it from a camera that drifts at this velocity (the laws hold in both frames).
 Breaks mirror symmetry.
 """
 
@@ -42,7 +42,7 @@ class MovingSurface(Effect):
 
 
 def _faster(state, p, way):
-    """The state with `way` times the velocity of the surface more."""
+    """State whose velocity is increased by `way` times the velocity of the surface."""
     along = way * vector(p, ("V",) if state.space.is_plane else ("V_x", "V_y"))
     return state.changed(velocity=np.concatenate([state.velocity[:-1] + along, state.velocity[-1:]]))
 

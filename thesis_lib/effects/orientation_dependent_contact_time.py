@@ -2,15 +2,15 @@
 
     τ ← τ exp(a_c cos β + a_s sin β + b_c cos 2β + b_s sin 2β)
 
-The first two harmonics of the place β on the body.  They tell the four corners of a rectangle apart, whatever τ each
-has; the exponential keeps τ positive.  What a body cannot show (b_c at the corners of a square) stays 0.
+These are the first two harmonics of the place β on the body.  They can represent any four values of τ at the corners of
+a rectangle; the exponential keeps τ positive.  Parameters that a body cannot reveal (b_c for a square) stay 0.
 
-In space τ ← τ exp(a·u), u the direction of the body that faces the surface: one face against the opposite one.
+In space τ ← τ exp(a·u), u the direction of the body that faces the surface: opposite faces differ.
 
 | on paper | in code | unit | shape | meaning                                                             |
 |----------|---------|------|-------|---------------------------------------------------------------------|
-| a_c, a_s | `a_c`, `a_s` | 1 |     | one side against the opposite one, along the axes of the body       |
-| b_c, b_s | `b_c`, `b_s` | 1 |     | ends against sides, and one diagonal against the other              |
+| a_c, a_s | `a_c`, `a_s` | 1 |     | difference of opposite sides, along the axes of the body            |
+| b_c, b_s | `b_c`, `b_s` | 1 |     | difference of ends and sides, and of the two diagonals              |
 | a, u     | `a_x`, `a_y`, `a_z` | 1 | (3, n) | in space, axes of the body                                 |
 | β        |         | rad  | (n,)  | polar angle of the contact point in the axes of the body            |
 

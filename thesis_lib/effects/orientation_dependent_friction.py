@@ -1,10 +1,10 @@
-"""Orientation-dependent friction: the body rubs differently on different faces (a coated face, a glued pad).
+"""Orientation-dependent friction: the faces of the body have different friction (a coated face, a glued pad).
 
     μ ← max(μ (1 + a·u), 0)
 
 | on paper | in code             | unit | shape  |                                                                 |
 |----------|---------------------|------|--------|-----------------------------------------------------------------|
-| a        | `a_x`, `a_y`, `a_z` | 1    |        | one face against the opposite one, axes of the body             |
+| a        | `a_x`, `a_y`, `a_z` | 1    |        | difference of opposite faces, axes of the body                  |
 | u        |                     | 1    | (3, n) | direction of the body that faces the surface, axes of the body  |
 """
 

@@ -1,15 +1,15 @@
-"""Orientation-dependent restitution: the body rebounds differently where it is hit (slender, layered, hollow).
+"""Orientation-dependent restitution: ε depends on the place that touches (slender, layered or hollow bodies).
 
     ε ← clip(ε (1 + a_c cos 2β + a_s sin 2β), 0, 1);   in space ε ← clip(ε (1 + a·u), 0, 1)
 
-In the plane: the second harmonic of the place β on the body: opposite places are the same.  What a body cannot show
-(a_c at the corners of a square) stays 0.  In space: the direction u of the body that faces the surface, a face
-against the opposite one.
+In the plane this is the second harmonic of the place β on the body: opposite places are equal.  Parameters that a body
+cannot reveal (a_c at the corners of a square) stay 0.  In space u is the direction of the body that faces the surface:
+opposite faces differ.
 
 | on paper | in code | unit | shape |                                                           |
 |----------|---------|------|-------|-----------------------------------------------------------|
-| a_c      | `a_c`   | 1    |       | ends against sides                                        |
-| a_s      | `a_s`   | 1    |       | one diagonal against the other; breaks the mirror         |
+| a_c      | `a_c`   | 1    |       | difference of ends and sides                              |
+| a_s      | `a_s`   | 1    |       | difference of the diagonals; breaks mirror symmetry       |
 | a, u     | `a_x`, `a_y`, `a_z` | 1 | | in space, axes of the body                                 |
 | β        |         | rad  | (n,)  | polar angle of the contact point in the axes of the body  |
 """

@@ -1,28 +1,28 @@
-"""The path of an impact in space in steps of the normal impulse, as `impulse_path` in the plane; compiled.
+"""Path of an impact in space in steps of the normal impulse, the counterpart of `impulse_path` in the plane; compiled.
 
 Shared by effects; not an effect itself.  Per unit mass, with the normal impulse p as "time",
 
     dv = K (dc_t, dp) + (G⁻¹ dτ) × r,   dω = G⁻¹ (r × (dc_t, dp) + dτ)
 
-Two things resist the motion of a contact, each as strongly as the motion would need to end, within a ball:
+Two resistances act on a contact; each takes the value that would end its motion, limited to a ball:
 
     slip and spin about the normal   (dc_1 / μ f, dc_2 / μ f, dτ_n / m_t)   of at most dp      Coulomb, in one cone
     rolling                          (dτ_1, dτ_2)                           of at most m_r dp
 
-f = 1 + s exp(−(|v_t| / v_s)²) is Stribeck's factor; friction that is anisotropic has the matrix M in place of μ, and
+f = 1 + s exp(−(|v_t| / v_s)²) is Stribeck's factor; anisotropic friction has the matrix M in place of μ, and
 (M f)⁻¹ dc_t in the cone.  A step y within a ball of radius R solves (B + λ) y = −u with the least λ ≥ 0 for which
-|y| ≤ R, so that it opposes the velocity at its end.  Restitution ends by Stronge's energetic coefficient.  An effect
-takes the difference of the path with it and that without it.
+|y| ≤ R, and thus opposes the velocity at its end.  Restitution ends by Stronge's energetic coefficient.  An effect
+adds the difference between the path with the effect and the path without it.
 
 | on paper      | in code    | unit | shape     |                                                     |
 |---------------|------------|------|-----------|-----------------------------------------------------|
 | v, ω          | `v`, `w`   | m/s, rad/s | (3, n) | of the contact point, of the body                |
 | K, G⁻¹        | `K`, `mobility` | 1/kg, 1/(kg m²) | (3, 3, n) | as in `mechanics.contact`               |
 | m_t, m_r      | `m_t`, `m_r` | m  | (n,)      | levers of torsional and of rolling friction         |
-| s, v_s        | `s`, `v_s` | 1, m/s | (n,)    | Stribeck's                                          |
-| a_c, a_s      | `a_c`, `a_s` | 1  | (n,)      | of M = μ (1 + [[a_c, a_s], [a_s, −a_c]])            |
+| s, v_s        | `s`, `v_s` | 1, m/s | (n,)    | parameters of Stribeck's factor                     |
+| a_c, a_s      | `a_c`, `a_s` | 1  | (n,)      | anisotropy, M = μ (1 + [[a_c, a_s], [a_s, −a_c]])   |
 
-Sources: those of `impulse_path`; for the one cone Contensou 1963, and Leine and Glocker 2003,
+Sources: as for `impulse_path`; for the common cone Contensou 1963, and Leine and Glocker 2003,
 doi:10.1016/S0997-7538(02)01256-9.
 """
 
@@ -35,15 +35,15 @@ from thesis_lib.effects.impulse_path import STEPS, whole_impulse
 from thesis_lib.mechanics.contact import Contact
 
 _TINY = 1e-30  # m/s; a step without any rise of v_n lies wholly in compression or in restitution
-_FLATTEST = 1e-6  # of dv_n/dp over K_nn, for the last step
-_SMOOTH = 1e-9  # least μ, so that the ball has a size
+_FLATTEST = 1e-6  # lower limit of dv_n/dp over K_nn, for the last step
+_SMOOTH = 1e-9  # lower limit of μ, so that the ball has a nonzero radius
 
 
 def with_and_without(impulse: Impulse, contact: Contact, spin: np.ndarray, **parameters) -> Impulse:
-    """`impulse` with what the path has more with these parameters (s, v_s, m_t, m_r, a_c, a_s) than without.
+    """Impulse of the law plus the difference between the paths with and without (s, v_s, m_t, m_r, a_c, a_s).
 
-    The contact still pushes; friction stays inside the cone of the largest μ on the way, or where the law itself is,
-    and couples within their levers times c_n.
+    c_n stays non-negative; friction stays within the cone of the largest μ along the path, or within the friction of
+    the law if this is larger, and couples stay within their levers times c_n.
     """
     n = len(contact.v_n)
     s, v_s, m_t, m_r, a_c, a_s = (
@@ -65,7 +65,7 @@ def with_and_without(impulse: Impulse, contact: Contact, spin: np.ndarray, **par
 
 
 def added_in_space(impulse: Impulse, more: np.ndarray, mu: np.ndarray) -> Impulse:
-    """`impulse` with `more` (3, n), as `impulse_path.added` in the plane."""
+    """Impulse of the law plus `more` (3, n), within the same limits as in `impulse_path.added`."""
     c, more = np.array(impulse.c), _finite(more)
     c_n = np.maximum(c[2] + more[2], 0.0)
     c_t = _within(c[:2] + more[:2], np.maximum(mu * c_n, np.hypot(c[0], c[1])))
@@ -77,7 +77,7 @@ def _finite(more: np.ndarray) -> np.ndarray:
 
 
 def _within(u: np.ndarray, most: np.ndarray) -> np.ndarray:
-    """Vectors (2, n), shortened to `most` (n,)."""
+    """Vectors (2, n) shortened to at most `most` (n,)."""
     return u * np.minimum(1.0, most / np.maximum(np.hypot(u[0], u[1]), _TINY))
 
 
@@ -88,7 +88,7 @@ def _column(A, j):
 
 @compiled
 def _moved(u, A, a, B, b, C, c):
-    """u + (A a + B b + C c) of vectors, as tuples: arrays would take memory in every step."""
+    """Vector u + (A a + B b + C c); tuples avoid the allocation of arrays in every step."""
     return (
         u[0] + (A[0] * a + B[0] * b + C[0] * c),
         u[1] + (A[1] * a + B[1] * b + C[1] * c),
@@ -98,17 +98,17 @@ def _moved(u, A, a, B, b, C, c):
 
 @compiled
 def _changed(u, A, a, B, b):
-    """u + (A a + B b)."""
+    """Vector u + (A a + B b)."""
     return u[0] + (A[0] * a + B[0] * b), u[1] + (A[1] * a + B[1] * b), u[2] + (A[2] * a + B[2] * b)
 
 
 @compiled
 def _follow(v0, w0, r0, K0, mobility, mu0, epsilon, dp0, s, v_s, m_t, m_r, a_c, a_s, steps, found):
-    """Impulses and couples (6, n) at the ends of the paths, into `found`."""
+    """Write impulses and couples (6, n) at the ends of the paths into `found`."""
     turn, lift, total, last = np.empty((3, 3)), np.empty((3, 3)), np.empty(6), np.empty(6)
     for i in range(len(mu0)):
         dp, r, H, K = dp0[i], r0[:, i].copy(), mobility[:, :, i].copy(), K0[:, :, i].copy()
-        # turning by an impulse along each axis, and motion of the contact point by a couple about each axis
+        # rotation due to an impulse along each axis, and motion of the contact point due to a couple about each axis
         for j in range(3):
             e = np.zeros(3)
             e[j] = 1.0
@@ -128,7 +128,7 @@ def _follow(v0, w0, r0, K0, mobility, mu0, epsilon, dp0, s, v_s, m_t, m_r, a_c, 
             x, y = 1.5 * v[0] - 0.5 * before[0], 1.5 * v[1] - 0.5 * before[1]
             before = v
             f = max(mu0[i], _SMOOTH) * (1.0 + s[i] * np.exp(-(x * x + y * y) / (v_s[i] * v_s[i])))
-            # friction expects the couple of the step before, so that a sticking contact goes on sticking while it rolls
+            # friction assumes the couple of the last step: a sticking contact continues to stick while it rolls
             v = _moved(v, K_n, dp, lift_1, rolled_1, lift_2, rolled_2)
             w = _moved(w, turn_n, dp, H_1, rolled_1, H_2, rolled_2)
             # M and M K M

@@ -3,7 +3,7 @@
     τ ← τ (k(x_c) / k_0)^(−1/2),   k(x_c) / k_0 = max(1 − 2 g_τ x_c, 1/10)
 
 The stiffness k of a linear contact changes linearly along the surface, and τ ~ k^(−1/2).  x_c is the place of the
-contact point, counted from the reference; τ is the value there.
+contact point, counted from the reference; τ and k_0 are the values at the reference.
 
 | on paper | in code | unit | shape | meaning                                             |
 |----------|---------|------|-------|-----------------------------------------------------|
@@ -18,7 +18,7 @@ import numpy as np
 from thesis_lib.effects.contact_place import along_gradient
 from thesis_lib.effects.effect import IN_SPACE, Effect, Parameter, components
 
-SOFTEST = 0.1  # of the stiffness at the reference
+SOFTEST = 0.1  # lower limit, relative to the stiffness at the reference
 _SLOPE = Parameter("g_tau", "1/m", null=0.0, low=-10.0, high=10.0, scale=1.0, starts=(0.0,))
 
 

@@ -2,7 +2,7 @@
 
     μ ← max(μ (1 + g_μ x_c), 0)
 
-x_c is the place of the contact point, counted from the reference; μ is the value there.
+x_c is the place of the contact point, counted from the reference; μ is the value at the reference.
 
 | on paper | in code   | unit | shape |                                    |
 |----------|-----------|------|-------|------------------------------------|

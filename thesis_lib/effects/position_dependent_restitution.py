@@ -2,7 +2,7 @@
 
     ε ← clip(ε (1 + g_ε x_c), 0, 1)
 
-x_c is the place of the contact point, counted from the reference; ε is the value there.
+x_c is the place of the contact point, counted from the reference; ε is the value at the reference.
 
 | on paper | in code   | unit | shape |                                    |
 |----------|-----------|------|-------|------------------------------------|

@@ -1,4 +1,4 @@
-"""Quadratic drag: air resistance against the velocity, growing with its square.
+"""Quadratic drag: air resistance opposite to the velocity, proportional to its square.
 
     a ← a − c_q |v| (v_x, v_y),   c_q = ρ C_d A / (2 m)
 
@@ -6,7 +6,7 @@
 |----------|---------|------|-------|-----------------------------------------|
 | c_q      | `c_q`   | 1/m  |       | over a path 1 / c_q, v falls to 1/e     |
 
-Spin is left as it is.
+The spin does not change.
 """
 
 import numpy as np

@@ -1,15 +1,15 @@
-"""Attitudes that a file names wrongly: signs and order of the numbers of a quaternion, as a signed permutation P.
+"""Attitudes in a wrong convention: signs and order of quaternion components, described by a signed permutation P.
 
 Shared by effects; not an effect itself.  With q the attitude of the tracked frame in the axes of the recording and ω
 its spin there,
 
     q_measured = P q,   ω_measured = 2 (P q̇) q_measured⁻¹,   q̇ = ½ (0, ω) q
 
-and the tracked point stays where it is.  Pᵀ undoes P.
+and the tracked point does not move.  Pᵀ is the inverse of P.
 
 | on paper | in code | unit | shape  |                                                     |
 |----------|---------|------|--------|-----------------------------------------------------|
-| P        | `P`     | 1    | (4, 4) | of the numbers w, x, y, z of a quaternion           |
+| P        | `P`     | 1    | (4, 4) | signed permutation of the components w, x, y, z     |
 """
 
 import numpy as np
@@ -22,7 +22,7 @@ _NONE = np.array([1.0, 0.0, 0.0, 0.0])
 
 
 def relabelled(state: State, P: np.ndarray, rig: Rig) -> State:
-    """The bodies in space as they seem to lie where quaternions of their tracked frames are P times the true ones."""
+    """State in space that is reported if the quaternions of the tracked frames are P times the true quaternions."""
     shape = state.attitude.shape
     world, mark = (
         np.broadcast_to((_NONE if q is None else q)[:, None], shape)

@@ -1,14 +1,14 @@
-"""Rotation scale: a tracker that sums angular rates from the first frame of a toss reports them too large or small.
+"""Rotation scale: a tracker that integrates angular rates from the first frame of a toss has a wrong scale factor.
 
     ω_measured = (1 + s_R) ω,   R_measured(t) = E(t) R(t),   E(0) = 1
 
 | on paper | in code | unit | shape  |                                                                     |
 |----------|---------|------|--------|---------------------------------------------------------------------|
 | s_R      | `s_R`   | 1    |        | relative error of the rates                                         |
-| E        |         | 1    | (4, n) | what the errors of the rates have summed up to (`whole_tosses.py`)      |
+| E        |         | 1    | (4, n) | integrated error of the rates, a rotation (`whole_tosses.py`)       |
 
-The tracked point stays where it is.  The wrong attitude grows with all that the body has turned: contact points are
-wrong at later hits, and the more so.
+The tracked point is correct.  The error of the attitude grows with the total rotation of the body, so contact points
+are increasingly wrong at later hits.
 """
 
 import numpy as np
@@ -41,12 +41,12 @@ class RotationScale(Effect):
 
 
 def _summed(state, scale, rig):
-    """E (4, n) of one scale, or of one for each body."""
+    """Rotation E (4, n) for one scale, or for one scale per body."""
     if rig.recorded is None:
         return np.array([[1.0], [0.0], [0.0], [0.0]]) * np.ones(len(state))
     scales = np.broadcast_to(scale, len(state))
     E = np.empty((4, len(state)))
-    for one in np.unique(scales):  # a fit tries a few
+    for one in np.unique(scales):  # a fit tries only a few at once
         rows = np.flatnonzero(scales == one)
         E[:, rows] = rig.recorded.over(state.select(rows), one)
     return E

@@ -11,8 +11,8 @@ The body is the polygon shrunk by ρ and grown by a disk of radius ρ.  With u_i
 | ρ        | `rho`   | m    |       | radius of the corners, at most the largest that fits           |
 | v_i, u_i | `corners`, `inner` | m | (k, 2) | corners of the convex hull, in the body frame           |
 
-Ellipses and disks have no corners.  In space the edges of box, cylinder and hull are rounded inside the same measures,
-so that ρ comes on top of the stated edge radius.
+Ellipses and disks have no corners.  In space the edges of box, cylinder and hull are rounded without a change of the
+outer dimensions; ρ is added to the stated edge radius.
 """
 
 from functools import lru_cache
@@ -54,22 +54,22 @@ class RoundedCorners(Effect):
 
 
 def _edged(shape) -> Edged | None:
-    """The solid whose edges could be rounded further; None if there is none."""
+    """Solid whose edges could be rounded further; None if there is none."""
     solid = shape.solid if isinstance(shape, SupportPoint) else shape
     solid = solid.solid if isinstance(solid, Recentred) else solid
     return solid if isinstance(solid, Edged) else None
 
 
 def _moved_in_space(shape, solid, state, rho):
-    """Contact point (3, n) of the solid with further rounded edges minus that of the solid; of its frame.
+    """Shift (3, n) of the contact point, in the axes of the surface, if the edges of the solid are rounded further.
 
-    Where the shape is one contact point of each body, that of the nearest corner.
+    If the shape is one contact point for each body, the shift of the nearest corner.
     """
     is_point = isinstance(shape, SupportPoint)
     whole, own = (shape.solid, shape) if is_point else (solid, solid)
     radius = np.broadcast_to(np.minimum(solid.edge_radius + rho, solid.inradius), len(state))
     moved, believed = np.zeros((3, len(state))), own.lowest(state.attitude)
-    for one in np.unique(radius):  # a fit tries a few
+    for one in np.unique(radius):  # a fit tries only a few at once
         rows = np.flatnonzero(radius == one)
         rounded = _rounded(whole, float(one))
         there = shape.nearest(rounded, rows) if is_point else rounded
@@ -79,12 +79,12 @@ def _moved_in_space(shape, solid, state, rho):
 
 @lru_cache(maxsize=64)
 def _rounded(solid, radius):
-    """The solid with edges of that radius; a hit is looked for with the same few many times."""
+    """Solid with edges of that radius; cached, because the search for hits repeats a few radii many times."""
     return solid.rounded(radius)
 
 
 def _moved(shape, theta, rho):
-    """Contact point of the rounded polygon (or of one corner of it) minus that of the sharp one, two arrays (n,)."""
+    """Shift of the contact point by rounding of the polygon, or of one corner of it: two arrays (n,)."""
     if isinstance(shape, Corner):
         _, inward, largest = _corners(shape.polygon.vertices)
         rho, (x, y) = np.minimum(rho, largest), shape.turned(inward, theta)
@@ -107,7 +107,7 @@ def _moved(shape, theta, rho):
 
 @lru_cache(maxsize=32)
 def _corners(vertices):
-    """Corners of the convex hull (k, 2), their shift inward for each metre of ρ (k, 2), and the largest ρ that fits."""
+    """Corners of the convex hull (k, 2), their inward shift per metre of ρ (k, 2), and the largest ρ that fits."""
     corners = Polygon(vertices=vertices).corners
     along = np.roll(corners, -1, axis=0) - corners
     length = np.hypot(along[:, 0], along[:, 1])

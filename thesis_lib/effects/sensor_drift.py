@@ -1,4 +1,4 @@
-"""Sensor drift: the camera slides along x, and what it reports slides the other way.
+"""Sensor drift: the camera slides along x, and the positions that it reports slide the other way.
 
     x_measured = x + d_x (t − t_0),   v_x,measured = v_x + d_x
 
@@ -6,10 +6,10 @@
 |----------|-----------|------|-------|---------------------------------------------------------|
 | d_x      | `d_x`     | m/s  |       | velocity that the camera adds                           |
 |          | `d_x`, `d_y` | m/s |     | in space: along both axes of the surface                |
-| t        | `state.t` | s    | (n,)  | where unknown, x stays as it is                         |
-| t_0      | `rig.reference.t` | s |  | when x is right                                         |
+| t        | `state.t` | s    | (n,)  | time; if unknown, x is unchanged                        |
+| t_0      | `rig.reference.t` | s |  | time at which x is correct                              |
 
-A body at rest would show it.  Impacts alone cannot tell it from a moving surface.  Breaks mirror symmetry.
+A body at rest would reveal it.  Impacts alone cannot distinguish it from a moving surface.  Breaks mirror symmetry.
 """
 
 import numpy as np

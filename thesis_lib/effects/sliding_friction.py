@@ -1,15 +1,15 @@
-"""Sliding friction: a body that slides on the surface has another coefficient of friction than one that hits it.
+"""Sliding friction: the coefficient of friction of a sliding body differs from the coefficient in impacts.
 
-    a_t = −μ_s a_n sign(v_t)   while the surface supports the body: for 15 ms nothing has hit it
+    a_t = −μ_s a_n sign(v_t)   while the surface supports the body: no impact in the last 15 ms
 
-The coefficient μ of the law is that of impacts, which last a millisecond at thousands of newtons per kilogram; dust,
-creep of the contact and edges that plough make that of a slow slide another one.  Without the effect μ serves both.  In
-space the friction is against the slip, whatever its direction.
+The coefficient μ of the law holds for impacts, which last a millisecond at thousands of newtons per kilogram; dust,
+creep of the contact and ploughing edges make it differ in slow sliding.  Without the effect μ holds for both.  In space
+friction opposes the slip, whatever its direction.
 
 | on paper | in code | unit | shape |                                              |
 |----------|---------|------|-------|----------------------------------------------|
 | μ_s      | `mu_s`  | 1    |       | coefficient of friction while supported      |
-| a_n      |         | m/s² | (m,)  | acceleration of flight against the surface   |
+| a_n      |         | m/s² | (m,)  | acceleration of flight towards the surface   |
 
 Impacts and flights do not change.
 """

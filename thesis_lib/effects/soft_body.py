@@ -1,21 +1,21 @@
-"""Soft body: it is the body that gives way, so that the contact acts nearer to its centre.
+"""Soft body: the body, not the surface, deforms, so that the contact force acts nearer to its centre.
 
     r ← r_shape + d (l, 1),   d = λ |v_n|
 
-Where a hard body sinks into a soft surface, the force acts at its lowest point.  Where a soft body is flattened, it
-acts in the middle of the chord that the surface cuts off.  Of an ellipse that lies on the line from the lowest point to
-the centre, l = r_x/r_y, as all chords of one direction have their middles on one diameter.  Of a corner it lies between
-the two sides that meet there, l = (cot β + cot β')/2 with their angles β, β' from the surface.  In space l is a vector,
-at a corner the mean over the edges that rise from it.
+If a hard body sinks into a soft surface, the force acts at its lowest point.  If a soft body is flattened, the force
+acts in the middle of the chord along which the surface cuts the body.  For an ellipse this middle lies on the line from
+the lowest point to the centre, l = r_x/r_y, because the midpoints of all parallel chords lie on one diameter.  At a
+corner it lies between the two adjacent sides, l = (cot β + cot β')/2 with their angles β, β' from the surface.  In
+space l is a vector, at a corner the mean over the edges that rise from it.
 
-The depth d is the mean over the contact, weighted with the force.  Under a linear spring it is half of what the arc
-sinks in until the impulse acts, so that λ = τ/2 if only the body gives way, and 0 if only the surface does.
+The depth d is the mean over the contact, weighted with the force.  For a linear spring it is half the penetration of
+the ballistic path when the impulse acts: λ = τ/2 if only the body deforms, 0 if only the surface does.
 
 | on paper | in code | unit | shape |                                                       |
 |----------|---------|------|-------|-------------------------------------------------------|
-| λ        | `lam`   | s    |       | mean depth in the body over the speed of the impact   |
+| λ        | `lam`   | s    |       | mean depth in the body divided by the impact speed    |
 | d        | `depth` | m    | (n,)  | mean depth in the body                                |
-| l        | `lean`  | 1    | (n,), (2, n) | way along the surface over way up, of the chord's middle |
+| l        | `lean`  | 1    | (n,), (2, n) | shift of the chord's middle along the surface over its height |
 """
 
 from functools import lru_cache
@@ -29,8 +29,8 @@ from thesis_lib.bodies.solids import Solid
 from thesis_lib.effects.effect import IN_SPACE, Effect, Parameter
 from thesis_lib.mechanics.space import SPACE
 
-LEVEL = 1e-9  # of an edge: one that rises by less lies on the surface
-STEEPEST = 4.0  # cot β of a side 14° from the surface
+LEVEL = 1e-9  # relative to the edge length: an edge that rises by less lies on the surface
+STEEPEST = 4.0  # largest cot β, of a side 14° from the surface
 
 
 class SoftBody(Effect):
@@ -62,7 +62,7 @@ def _solid(shape: Any) -> Solid:
 
 
 def lean(shape: Shape | Corner, theta: np.ndarray) -> np.ndarray:
-    """l (n,) of bodies at angles θ (n,) in rad, at most `STEEPEST`: further on, the whole side touches."""
+    """Slope l (n,) of bodies at angles θ (n,) in rad, at most `STEEPEST`: beyond this the whole side touches."""
     polygon = shape.polygon if isinstance(shape, Corner) else shape
     r = shape.contact_point(theta)
     if not isinstance(polygon, Polygon):
@@ -82,7 +82,7 @@ def lean(shape: Shape | Corner, theta: np.ndarray) -> np.ndarray:
 
 
 def lean_in_space(shape: Any, attitude: np.ndarray) -> np.ndarray:
-    """l (2, n) of bodies at attitudes (4, n), at most `STEEPEST`; the shape is a solid, or a point of one for each."""
+    """Slope l (2, n) of bodies at attitudes (4, n), at most `STEEPEST`; `shape` is a solid or one point per body."""
     solid: Any = _solid(shape)
     parts = solid.minkowski
     index = shape.index if isinstance(shape, SupportPoint) else parts.heights(attitude).argmin(axis=0)
@@ -104,7 +104,7 @@ def lean_in_space(shape: Any, attitude: np.ndarray) -> np.ndarray:
 
 @lru_cache(maxsize=16)
 def _neighbours(solid: Any) -> list[np.ndarray]:
-    """Of each corner those with which it shares an edge, so two faces."""
+    """Neighbours of each corner: the corners with which it shares an edge, that is two faces."""
     centres = solid.minkowski.centres
     off = solid.faces @ centres
     on = (off > off.max(axis=1, keepdims=True) - LEVEL * solid.extent).astype(int)

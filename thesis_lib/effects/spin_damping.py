@@ -1,12 +1,12 @@
-"""Spin damping: a couple against the spin in flight, and no force (air around a smooth ball).
+"""Spin damping: a couple that opposes the spin in flight, without a force (air around a smooth ball).
 
     α ← α − c_w ω
 
 | on paper | in code | unit | shape |                          |
 |----------|---------|------|-------|--------------------------|
-| c_w      | `c_w`   | 1/s  |       | rate at which spin fades |
+| c_w      | `c_w`   | 1/s  |       | decay rate of the spin   |
 
-In the plane linear_drag has it beside its force.
+In the plane linear_drag contains it, together with a force.
 """
 
 import numpy as np

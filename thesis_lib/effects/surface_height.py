@@ -1,10 +1,10 @@
-"""Surface height: the surface is higher or lower than believed.
+"""Surface height: the surface is higher or lower than assumed.
 
-    φ_n ← φ_n + h:   at contact the body is h above the believed surface
+    φ_n ← φ_n + h:   at contact the body is h above the assumed surface
 
 | on paper | in code | unit | shape |                                  |
 |----------|---------|------|-------|----------------------------------|
-| h        | `h`     | m    |       | true minus believed height       |
+| h        | `h`     | m    |       | true minus assumed height        |
 
 Velocities after impact do not depend on it.
 """

@@ -1,21 +1,21 @@
-"""A patch of another surface: between two places restitution, friction and contact time are others.
+"""A patch of another surface: between two places restitution, friction and contact time differ.
 
     ε ← clip(ε (1 + h_ε P), 0, 1),   μ ← max(μ (1 + h_μ P), 0),   τ ← max(τ (1 + h_τ P), 0)
     P(x_c) = cosh²((x_2 − x_1) / 2w) / (cosh((x_c − x_1) / w) cosh((x_c − x_2) / w))
 
 P is 1 in the middle and 0 far outside, with edges like ½ (1 + tanh) of width w; the order of the edges does not matter.
-With w below the distance of the edges it is a flat patch (tape, a plate let in), with w above it a smooth bump (a dent,
-a worn place).  Where one edge lies beyond all impacts it is a step from one material to another; that edge is then not
-known.
+If w is below the distance between the edges, the patch is flat (tape, an inlaid plate); if w is above it, P is a smooth
+bump (a dent, a worn place).  If one edge lies beyond all impacts, P is a step from one material to another; the place
+of that edge is then unknown.
 
 | on paper      | in code                  | unit | shape | meaning                                                   |
 |---------------|--------------------------|------|-------|-----------------------------------------------------------|
 | h_ε, h_μ, h_τ | `h_eps`, `h_mu`, `h_tau` | 1    |       | relative change within the patch, of ε, μ, τ              |
 | x_1, x_2      | `x_1`, `x_2`             | m    |       | edges along the surface, from the reference               |
 | w             | `w`                      | m    |       | half-width of an edge                                     |
-| P             |                          | 1    | (n,)  | share of the patch in an impact                           |
+| P             |                          | 1    | (n,)  | weight of the patch in an impact                          |
 
-Breaks mirror symmetry.  A straight line over all places is `position_dependent_restitution` or
+Breaks mirror symmetry.  For a linear change along the surface see `position_dependent_restitution` and
 `position_dependent_friction`.
 """
 
@@ -24,7 +24,7 @@ import numpy as np
 from thesis_lib.effects.contact_place import along_surface
 from thesis_lib.effects.effect import Effect, Parameter
 
-PARTS = 6  # of the impacts, in the order of place: the patches with which a fit may start end between them
+PARTS = 6  # equal groups of impacts, ordered by place; the starting patches of a fit end between groups
 
 
 class SurfacePatch(Effect):
@@ -53,7 +53,7 @@ class SurfacePatch(Effect):
         edges[0], edges[-1] = edges[0] - span, edges[-1] + span
         low, high = self.parameters[-1].low, self.parameters[-1].high
         found = []
-        # at most half of the parts: the rest of the surface is a patch with the opposite change
+        # at most half of the parts: a larger patch is equivalent to the rest with the opposite change
         for parts in range(1, PARTS // 2 + 1):
             for i in range(PARTS + 1 - parts):
                 x_1, x_2 = edges[i], edges[i + parts]
@@ -71,7 +71,7 @@ class SurfacePatch(Effect):
 
 
 def _patch(state, p, rig) -> np.ndarray:
-    """P (n,)."""
+    """Weight P (n,) of the patch."""
     x, w = along_surface(state, rig), p["w"]
     outside = _log_cosh((x - p["x_1"]) / w) + _log_cosh((x - p["x_2"]) / w)
     return np.exp(2.0 * _log_cosh((p["x_2"] - p["x_1"]) / (2.0 * w)) - outside)

@@ -1,17 +1,17 @@
-"""Surface tilt: the surface is not level; the camera's axes are those of the surface.
+"""Surface tilt: the surface is not level, while the axes of the camera follow the surface.
 
     gravity g (sin φ, −cos φ) in place of g (0, −1):   a ← a + g (sin φ, 1 − cos φ)
 
-and in space gravity g (sin φ_x, sin φ_y, −…) along t_1, t_2 and the normal, if the surface is believed level.
+and in space gravity g (sin φ_x, sin φ_y, −…) along t_1, t_2 and the normal, if the surface is assumed level.
 
-The contact frame and the impact stay as they are, so the effect shows in flight only.  For φ > 0 downhill is
+The contact frame and the impact do not change, so the effect is visible only in flight.  For φ > 0 the surface falls
 to the right.
 
 | on paper | in code       | unit | shape |                              |
 |----------|---------------|------|-------|------------------------------|
-| φ        | `phi`         | rad  |       | angle of the surface         |
-| φ_x, φ_y | `phi_x`, `phi_y` | rad |    | in space, beyond the slope that is believed |
-| g        | `rig.gravity` | m/s² |       | believed gravity             |
+| φ        | `phi`         | rad  |       | angle of the surface to the horizontal |
+| φ_x, φ_y | `phi_x`, `phi_y` | rad |    | in space, in addition to the assumed slope |
+| g        | `rig.gravity` | m/s² |       | assumed gravity              |
 """
 
 import numpy as np

@@ -1,15 +1,15 @@
-"""Tangential compliance: beside the normal spring the contact has a tangential one, damped, with a Coulomb slider.
+"""Tangential compliance: beside its normal spring the contact has a damped tangential spring with a Coulomb slider.
 
 Lumped planar model in the phase s = Ω t of the normal spring, with f = force / Ω, η = k_n / k_t, κ = 1 / (η b):
 
     f_n = p_c sin s  in compression,  p_c cos(s'/e) in restitution (duration e π/2),  e = c_n / p_c − 1
     dv_t/ds = K_tt f_t + K_tn f_n,   dz/ds = v_t while it sticks,   f_t = −κ z − 2 ζ w v_t / K_tt,   |f_t| ≤ μ f_n
 
-p_c and b = dv_n/dp are those of the rigid path, so that Ω² = k_n b.  A contact that never slips is an oscillator of
-frequency w = √(κ K_tt) and damping ratio ζ: the slip comes back with the sign of cos(w π), which no rigid law can do.
-Each step has the exact propagator of the stuck contact at constant f_n; its friction impulse and its spring are then
-limited to what the slider bears.  η → 0 is the rigid contact.  The friction impulse of the path, against that of the
-rigid path, also changes v_n and the end of restitution (impulse_path.py).
+p_c and b = dv_n/dp are taken from the rigid path, so that Ω² = k_n b.  A contact that never slips is an oscillator of
+frequency w = √(κ K_tt) and damping ratio ζ: the slip returns with the sign of cos(w π), which no rigid law describes.
+Each step uses the exact propagator of the sticking contact at constant f_n; then the slider limits the friction impulse
+and the spring force.  η → 0 is the rigid contact.  The friction impulse of the path, relative to the rigid path, also
+changes v_n and the end of restitution (impulse_path.py).
 
 | on paper      | in code | unit | shape |                                                                         |
 |---------------|---------|------|-------|-------------------------------------------------------------------------|
@@ -17,8 +17,8 @@ rigid path, also changes v_n and the end of restitution (impulse_path.py).
 | ζ             | `zeta`  | 1    |       | damping ratio of the tangential spring with K_tt                        |
 | z             | `z`     | m Ω  | (n,)  | stretch of the tangential spring                                        |
 
-In space spring and damper are alike in both directions along the surface, and ζ is that along the first slip.  Stuck,
-the contact is an oscillator along each principal axis of the tangential K; the slider bears |f_t| ≤ μ f_n.
+In space spring and damper are isotropic along the surface, and ζ holds in the direction of the first slip.  A sticking
+contact is an oscillator along each principal axis of the tangential K; the slider limits the force to |f_t| ≤ μ f_n.
 """
 
 import numpy as np
@@ -32,14 +32,14 @@ from thesis_lib.effects.impulse_path import NormalPath, added, whole_impulse
 from thesis_lib.effects.path_in_space import added_in_space
 from thesis_lib.mechanics.contact import Contact
 
-STEPS = 20  # in each phase; fewer leave 2.4 instead of 2.0 mm/s against the integrated motion (16)
+STEPS = 20  # in each phase; the error against the integrated motion is then 2.0 mm/s (with 16 steps 2.4 mm/s)
 _NODES = np.linspace(0.0, np.pi / 2.0, STEPS + 1)
 _STEP = _NODES[1]
 # f_n / p_c: mean over each step, and at its end
 _MEAN = np.concatenate([-np.diff(np.cos(_NODES)), np.diff(np.sin(_NODES))]) / _STEP
 _END = np.concatenate([np.sin(_NODES[1:]), np.cos(_NODES[1:])])
-_SHORTEST = 1e-6  # of restitution against compression, for ε = 0
-_CRITICAL = 1e-12  # least 1 − ζ²: critical damping, ζ = 1, is the strongest
+_SHORTEST = 1e-6  # lower limit of the duration of restitution over that of compression, for ε = 0
+_CRITICAL = 1e-12  # lower limit of 1 − ζ²: critical damping, ζ = 1, is the strongest
 
 
 class TangentialCompliance(Effect):
@@ -70,7 +70,7 @@ class TangentialCompliance(Effect):
 
 
 def _propagator(w: np.ndarray, zeta: np.ndarray | float, h: np.ndarray | float) -> tuple[np.ndarray, ...]:
-    """(z, v) from one end of a step h to the other, stuck: matrix elements zz, zv, vz, vv about the equilibrium."""
+    """Propagator of (z, v) over a step h while sticking: matrix elements zz, zv, vz, vv about the equilibrium."""
     turning = w * np.sqrt(np.maximum(1.0 - zeta * zeta, _CRITICAL))
     decay = np.exp(-zeta * w * h)
     cos, sine = decay * np.cos(turning * h), decay * np.sin(turning * h) / turning
@@ -78,7 +78,7 @@ def _propagator(w: np.ndarray, zeta: np.ndarray | float, h: np.ndarray | float) 
 
 
 def _paths(contact, eta, zeta) -> Impulse:
-    """Impulses (2, n) at the ends of the compliant path and of the rigid one."""
+    """Impulses (2, n) at the ends of the compliant and the rigid path."""
     K_tt, K_tn, v_t, mu = contact.K_tt, contact.K_tn, contact.v_t, contact.mu
     p_c = slip_path(contact, mu).p_c
     ratio = np.maximum(whole_impulse(contact) / p_c - 1.0, _SHORTEST)
@@ -96,7 +96,7 @@ def _paths(contact, eta, zeta) -> Impulse:
 
 
 def _more_in_space(contact, eta, zeta) -> np.ndarray:
-    """Impulse (3, n) at the end of the compliant path less that of the rigid one."""
+    """Impulse (3, n) at the end of the compliant path minus the impulse at the end of the rigid path."""
     n = len(contact.v_n)
     mu = np.broadcast_to(contact.mu, n)
     K = np.array([[np.broadcast_to(part, n) for part in row] for row in contact.K])
@@ -112,7 +112,7 @@ def _more_in_space(contact, eta, zeta) -> np.ndarray:
     stuck = np.array([_propagator(w, zeta, h) for h in (np.full(n, _STEP), _STEP * ratio)])  # (2, 4, 2, n)
     dp = _MEAN[:, None] * np.repeat([p_c * h for h in (np.full(n, _STEP), _STEP * ratio)], STEPS, axis=0)
     d_t = _slide_in_space(K_tt, K_tn, v_t, np.array(mu), K_tn / (w * w) * p_c, mu * p_c / spring, stuck, dp)
-    # what the normal path sees of friction is one number
+    # friction enters the normal path as one number per step
     path = NormalPath(Contact.planar(None, contact.v_n, None, contact.K_nn, 1.0))
     for pair in zip(dp, np.einsum("spkn,kn->spn", d_t, K_tn)):
         path.step(*pair)
@@ -124,7 +124,7 @@ def _more_in_space(contact, eta, zeta) -> np.ndarray:
 
 @njit(cache=True, error_model="numpy")
 def _slide_in_space(K_tt, K_tn, v_t, mu, rest, bears, stuck, dp):
-    """Friction impulses (s, 2, 2, n) of the s steps of both paths; arrays are (2, n), along the principal axes."""
+    """Friction impulses (s, 2, 2, n) of the s steps of both paths; inputs are (2, n), along the principal axes."""
     d_t = np.zeros((len(dp), 2, 2, dp.shape[1]))
     for k in range(dp.shape[1]):
         z, off, lost = np.zeros(2), np.zeros(2), np.zeros(2)
@@ -136,11 +136,11 @@ def _slide_in_space(K_tt, K_tn, v_t, mu, rest, bears, stuck, dp):
                 middle = rest[j, k] * _MEAN[i]
                 off[j] = z[j] - middle
                 kicked = K_tn[j, k] * dp[i, k]
-                # what friction has to end: what the oscillator loses
+                # friction has to end the velocity that the oscillator loses
                 lost[j] = (v[j] + kicked - (vz * off[j] + vv * v[j])) / -K_tt[j, k]
                 z[j] = middle + zz * off[j] + zv * v[j]
                 v[j], rigid[j] = v[j] + kicked, rigid[j] + kicked
-            if _shorten(z, bears[k] * _END[i]):  # it slides, and the spring shows which way
+            if _shorten(z, bears[k] * _END[i]):  # it slides, in the direction of the spring
                 along = (lost[0] * z[0] + lost[1] * z[1]) / (z[0] * z[0] + z[1] * z[1])
                 lost[0], lost[1] = along * z[0], along * z[1]
             _shorten(lost, push)
@@ -155,7 +155,7 @@ def _slide_in_space(K_tt, K_tn, v_t, mu, rest, bears, stuck, dp):
 
 @njit(cache=True, error_model="numpy")
 def _shorten(u, most):
-    """The vector u (2,) shortened to `most`, in place, and whether it was longer."""
+    """Shorten the vector u (2,) to at most `most`, in place, and return whether it was longer."""
     length = np.sqrt(u[0] * u[0] + u[1] * u[1])
     if length > most:
         u[0], u[1] = u[0] * most / length, u[1] * most / length
@@ -164,10 +164,10 @@ def _shorten(u, most):
 
 @njit(cache=True, error_model="numpy")
 def _slide(numbers, stuck, dp):
-    """Friction impulses (s, 2, n) of the s steps of both paths, of the normal impulses dp (s, n).
+    """Friction impulses (s, 2, n) of the s steps of both paths, for the normal impulses dp (s, n).
 
-    `numbers` (6, n) are K_tt, K_tn, v_t, μ, and over f_n / p_c the equilibrium of z and what the spring bears.  NaN
-    stays NaN: what is compared is the limit.
+    `numbers` (6, n) are K_tt, K_tn, v_t, μ, and, per f_n / p_c, the equilibrium of z and the limit of z.  NaN stays
+    NaN, because the comparisons with the limit are then false.
     """
     d_t = np.empty((len(dp), 2, dp.shape[1]))
     K_tt, K_tn, v_t, mu, rest, bears = numbers
@@ -178,7 +178,7 @@ def _slide(numbers, stuck, dp):
             limit, kick = mu[k] * dp[i, k], K_tn[k] * dp[i, k]
             middle, most = rest[k] * _MEAN[i], bears[k] * _END[i]
             off = z[k] - middle
-            # what friction has to end: what the oscillator loses, or all of the slip
+            # friction has to end the velocity that the oscillator loses, or on the rigid path all of the slip
             lost = v[k] + kick - (vz[k] * off + vv[k] * v[k])
             z[k] = _within(middle + zz[k] * off + zv[k] * v[k], most)
             d_t[i, 0, k] = _within(lost / -K_tt[k], limit)

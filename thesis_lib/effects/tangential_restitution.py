@@ -1,12 +1,12 @@
-"""Tangential restitution: a stuck contact gives back part of its tangential velocity (back-spin).
+"""Tangential restitution: a sticking contact recovers part of its tangential velocity (back-spin).
 
-    c_t ← clip((1 + e_t) c_t, ±μ c_n)   where the contact sticks
+    c_t ← clip((1 + e_t) c_t, ±μ c_n)   if the contact sticks
 
-so that v_t⁺ = −e_t v_t as long as the impulse stays inside the cone; c_n is left as it is.
+so that v_t⁺ = −e_t v_t as long as the impulse stays inside the cone; c_n does not change.
 
 | on paper | in code | unit | shape |                                                       |
 |----------|---------|------|-------|-------------------------------------------------------|
-| e_t      | `e_t`   | 1    |       | tangential restitution; 0 absent, 1 reverses the slip |
+| e_t      | `e_t`   | 1    |       | tangential restitution; 0: absent, 1: reverses slip   |
 """
 
 import numpy as np
@@ -14,7 +14,7 @@ import numpy as np
 from thesis_lib.effects.effect import IN_SPACE, Effect, Impulse, Parameter
 
 TOLERANCE = 1e-9  # relative: above the rounding of laws that search for a root, far below any slip that matters
-TINY = 1e-300  # N s/kg, for a quotient
+TINY = 1e-300  # N s/kg, avoids a division by zero
 
 
 class TangentialRestitution(Effect):
@@ -32,11 +32,11 @@ class TangentialRestitution(Effect):
         if contact.dimension == 3:
             c_t = np.array(impulse.c[:2])
             size = np.sqrt((c_t**2).sum(axis=0))
-            # |1 + e_t| times itself, at most to the cone, or to where the law is itself
+            # |1 + e_t| times the impulse, limited to the cone, or to the impulse of the law if this is outside it
             most = np.maximum(contact.mu * np.abs(impulse.c_n), size) / np.maximum(size, TINY)
             factor = np.where(_sticks(impulse, contact), np.clip(1.0 + p["e_t"], -most, most), 1.0)
             return Impulse((*(factor * c_t), impulse.c_n), impulse.couple)
-        # where the law itself leaves the cone, it is not cut back
+        # an impulse of the law outside the cone is not reduced
         limit = np.maximum(contact.mu * np.abs(impulse.c_n), np.abs(impulse.c_t))
         wanted = np.clip((1.0 + p["e_t"]) * impulse.c_t, -limit, limit)
         c_t = np.where(_sticks(impulse, contact), wanted, impulse.c_t)

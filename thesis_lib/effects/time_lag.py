@@ -1,9 +1,9 @@
-"""Time lag: the angle is behind the position, as from a second sensor or a filter.
+"""Time lag: the angle lags behind the position, for example because of a second sensor or a filter.
 
     θ_measured(t) = θ(t − T) = θ − ω T          while ω is constant
 
-At an impact the angle is reported ω T too small before it and ω⁺ T too small after it, so the measured angle jumps by
-−(ω⁺ − ω) T, which no body does.
+The reported angle is too small by ω T before an impact and by ω⁺ T after it, so the measured angle jumps by
+−(ω⁺ − ω) T, which is impossible for a rigid body.
 
 | on paper | in code | unit | shape |                                              |
 |----------|---------|------|-------|----------------------------------------------|

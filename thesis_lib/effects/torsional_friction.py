@@ -1,13 +1,13 @@
-"""Torsional friction: a patch of contact resists spinning about the normal, in one cone with the slip.
+"""Torsional friction: a contact patch resists spin about the normal, in one cone with the friction against slip.
 
-    |(dc_t / μ, dτ_n / m_t)| ≤ dp,   against (v_t, ω_n) along the path of the impact
+    |(dc_t / μ, dτ_n / m_t)| ≤ dp,   opposite to (v_t, ω_n) throughout the impact
 
-The couple is m_t dp where the body spins and does not slip, and fades where it slips fast.  A disk of radius R that
-presses evenly has m_t = 2 μ R / 3 (Contensou).
+The couple is m_t dp if the body spins without slip, and vanishes for fast slip.  A disk of radius R under uniform
+pressure has m_t = 2 μ R / 3 (Contensou).
 
 | on paper | in code | unit | shape |                                                                  |
 |----------|---------|------|-------|------------------------------------------------------------------|
-| m_t      | `m_t`   | m    |       | most of the couple about the normal, over the normal impulse     |
+| m_t      | `m_t`   | m    |       | largest couple about the normal over the normal impulse          |
 | τ_n, ω_n |         |      | (n,)  | couple and spin about the normal                                 |
 """
 

@@ -1,14 +1,14 @@
-"""Velocity-dependent contact time: a contact that stiffens with its depth is shorter in faster impacts.
+"""Velocity-dependent contact time: a contact that stiffens with depth is shorter in faster impacts.
 
     τ ← τ (|v_n| / v_0)^−p K_nn^(p/2),   v_0 = 1 m/s
 
 A force k δⁿ that stops the mass m / K_nn lasts T ~ (m / (K_nn k))^(1/(n+1)) |v_n|^(−p) with p = (n − 1) / (n + 1).
-The model has the share K_nn^(−1/2) of a linear spring already.  Hertz: n = 3/2, p = 1/5.
+The model already contains the factor K_nn^(−1/2) of a linear spring.  Hertz: n = 3/2, p = 1/5.
 
 | on paper | in code | unit | shape | meaning                                                   |
 |----------|---------|------|-------|-----------------------------------------------------------|
 | p        | `p`     | 1    |       | exponent; 0: linear spring, 1/5: Hertz, < 0: softens      |
-| v_0      | `SPEED` | m/s  |       | fixed scale; τ is then that of a central impact with v_0  |
+| v_0      | `SPEED` | m/s  |       | fixed scale; τ holds for a central impact with v_0        |
 """
 
 import numpy as np
@@ -16,7 +16,7 @@ import numpy as np
 from thesis_lib.effects.effect import IN_SPACE, Effect, Parameter
 
 SPEED = 1.0  # m/s
-SLOWEST = 1e-2  # m/s, below every impact that a camera sees; keeps the power finite at v_n = 0
+SLOWEST = 1e-2  # m/s, below every impact that a camera resolves; keeps the power finite at v_n = 0
 
 
 class VelocityDependentContactTime(Effect):

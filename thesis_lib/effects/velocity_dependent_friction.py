@@ -1,11 +1,11 @@
-"""Velocity-dependent friction: μ falls, or rises, from a static value with the speed of the slip (Stribeck).
+"""Velocity-dependent friction: μ falls, or rises, from a static value with the speed of slip (Stribeck).
 
     μ(v_t) = μ (1 + s exp(−(v_t / v_s)²)),   along the path of the impact: dc_t = −μ(v_t) sign(v_t) dp while it slips
 
-μ is that of fast slip.  The slip changes during the impact, and with it its friction; a contact sticks
-as long as μ (1 + s) bears it.  A body that slides on the surface has the friction of its slip, too.  s > 0 is the
-Stribeck curve of dry and lubricated metals, s < 0 friction that rises with speed (polymers); with v_s above all speeds
-both are a parabola in the speed.
+μ on the right is the value for fast slip.  Slip, and with it friction, changes during the impact; a contact sticks as
+long as the static friction μ (1 + s) suffices.  The same curve holds for a body that slides on the surface.  s > 0 is
+the Stribeck curve of dry and lubricated metals, s < 0 is friction that rises with speed (polymers); if v_s is above all
+speeds, both are parabolas in the speed.
 
 | on paper | in code | unit | shape |                                                     |
 |----------|---------|------|-------|-----------------------------------------------------|

@@ -2,9 +2,9 @@
 
     ε ← clip(ε (|v_n| / v_0)^−p exp(−c |v_n|), 0, 1),   v_0 = 1 m/s
 
-Two ways to lose more: yield, where ε falls with a power (p = 1/4 far above yield, hard plastics less; Johnson), and
-viscous dissipation, where the force k δⁿ (1 + d δ̇) gives 1 − ε ~ |v_n| to first order (Hunt and Crossley).  The
-exponential has that first order and stays positive; c ≈ (1 + ε) d / 3.
+Two mechanisms lower ε: yield, with a power law (p = 1/4 far above yield, less for hard plastics; Johnson), and viscous
+dissipation, where the force k δⁿ (1 + d δ̇) gives 1 − ε ~ |v_n| to first order (Hunt and Crossley).  The exponential
+agrees to first order and stays positive; c ≈ (1 + ε) d / 3.
 
 | on paper | in code   | unit | shape |                                                 |
 |----------|-----------|------|-------|-------------------------------------------------|
@@ -18,7 +18,7 @@ import numpy as np
 from thesis_lib.effects.effect import IN_SPACE, Effect, Parameter
 
 SPEED = 1.0  # m/s
-SLOWEST = 1e-3  # m/s, below every impact that a camera sees; keeps the power finite at v_n = 0
+SLOWEST = 1e-3  # m/s, below every impact that a camera resolves; keeps the power finite at v_n = 0
 
 
 class VelocityDependentRestitution(Effect):

@@ -2,13 +2,13 @@
 
     ε ← clip(ε (1 + w (i − i_0)), 0, 1),   i the number of the release
 
-ε is that of the release i_0, the middle of those that the model was fitted to, however they are numbered.
+ε on the right holds at the release i_0, the middle of the releases to which the model was fitted.
 
 | on paper | in code       | unit    | shape |                                                |
 |----------|---------------|---------|-------|------------------------------------------------|
-| w        | `w`           | 1/trial |       | relative change a release; negative: it wears  |
+| w        | `w`           | 1/trial |       | relative change per release; negative: wear    |
 | i        | `state.trial` | 1       | (n,)  | order in which the releases were made          |
-| i_0      | `rig.reference.trial` | 1 |     | where it is counted from                       |
+| i_0      | `rig.reference.trial` | 1 |     | release from which i is counted                |
 """
 
 import numpy as np

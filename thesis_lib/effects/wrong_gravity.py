@@ -1,13 +1,13 @@
-"""Wrong gravity: it differs from the believed value (buoyancy, a surface that leans away from the camera).
+"""Wrong gravity: gravity differs from its assumed value (buoyancy, a surface that leans away from the camera).
 
     a_y ← a_y − dg
 
 | on paper | in code | unit | shape |                               |
 |----------|---------|------|-------|-------------------------------|
-| dg       | `dg`    | m/s² |       | true minus believed gravity   |
+| dg       | `dg`    | m/s² |       | true minus assumed gravity    |
 
-A clock whose seconds are too long or too short by a factor 1 + s shows the same, for impacts know no time: with
-t (1 + s) bodies seem to fall with g / (1 + s)², so that dg = −2 s g for a small s.
+An error 1 + s of the time scale has the same signature, because impact laws contain no time: with recorded times
+t (1 + s) bodies seem to fall with g / (1 + s)², so that dg = −2 s g for small s.
 """
 
 from thesis_lib.effects.effect import IN_SPACE, Effect, Parameter

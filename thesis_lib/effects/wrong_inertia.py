@@ -1,4 +1,4 @@
-"""Wrong inertia: the radius of gyration differs from the believed one.
+"""Wrong inertia: the radius of gyration differs from its assumed value.
 
     k ← k √(1 + d_I),   I = m k²
 

@@ -1,13 +1,13 @@
-"""Wrong size: the body is larger or smaller than its drawing, in the same shape.
+"""Wrong size: the body is larger or smaller than its drawing but has the same shape.
 
     r ← r + s r_shape(θ),   φ_n ← φ_n + s h(θ),   h = −r_y,shape > 0
 
 | on paper | in code | unit | shape |                                                   |
 |----------|---------|------|-------|---------------------------------------------------|
-| s        | `s`     | 1    |       | true size is (1 + s) times the believed one       |
-| r_shape  | `r`     | m    | (n, 2)| contact point of the believed shape               |
+| s        | `s`     | 1    |       | true size is (1 + s) times the assumed size       |
+| r_shape  | `r`     | m    | (n, 2)| contact point of the assumed shape                |
 
-The radius of gyration is measured on its own and stays.
+The radius of gyration is measured independently and does not change.
 """
 
 from thesis_lib.effects.effect import IN_SPACE, Effect, Parameter
@@ -24,7 +24,7 @@ class WrongSize(Effect):
     dimensions = IN_SPACE
     reference = "similarity of shapes"
 
-    # the change is added, not multiplied: r may hold another effect's shift, which does not grow with the body
+    # the change is added, not multiplied: r may contain the shift of another effect, which does not scale with size
     def contact_point(self, r, state, p, rig):
         return r + p["s"] * rig.lowest(state)
 

@@ -1,1 +1,1 @@
-"""Physics engines as models of an impact: MuJoCo, Drake and Bullet, with parameters by their physical meaning."""
+"""Physics engines as impact models: MuJoCo, Drake and Bullet, with parameters given by their physical meaning."""

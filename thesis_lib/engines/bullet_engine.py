@@ -1,14 +1,14 @@
-"""Bullet as a model of impacts: its own contact, soft or rigid, the bodies one after another in one world.
+"""Bullet as an impact model: its own contact, soft or rigid; bodies are simulated one after another in one world.
 
-Bullet has two contacts.  A soft one (`contactStiffness`, `contactDamping`) is a spring and a damper that do not pull,
-with Coulomb's friction on the slip after the step; it lasts the contact time T, in `STEPS` steps, with the numbers of
-`thesis_lib/engines/parameters.py`.  A rigid one (`restitution`), Bullet's own default, is over after one step, which is
-T: it is Anitescu and Potra's law with Newton's restitution.
+Bullet has two contact models.  The soft contact (`contactStiffness`, `contactDamping`) is a spring and a damper that
+do not pull, with Coulomb friction on the slip after the step; it lasts the contact time T, in `STEPS` steps, with the
+numbers from `thesis_lib/engines/parameters.py`.  The rigid contact (`restitution`), Bullet's default, ends after one
+step of length T: it is Anitescu and Potra's law with Newton's restitution.
 
-Bullet has no ellipse, and keeps some hundred vertices of a hull, on which the contact point jumps.  So a smooth body
-is, in each contact, the sphere that touches it to second order where it lands; a corner is a small sphere.  Bullet's
-drag, its slop of 10 µm and its push out of the surface are off, and so are its limits: of 0.2 m/s below which nothing
-comes back, and of 100 rad/s.
+Bullet has no ellipse, and it keeps only about a hundred vertices of a hull, between which the contact point jumps.  In
+each contact, a smooth body is therefore replaced by its osculating sphere at the point that lands; a corner is a small
+sphere.  Bullet's drag, its contact slop of 10 µm and its penetration correction are switched off, as are its two
+limits: no rebound below 0.2 m/s, and no rotation faster than 100 rad/s.
 """
 
 import math
@@ -26,7 +26,7 @@ PACKAGE = "pybullet==3.2.7"
 STEPS = 100  # in one contact time
 FASTEST = 1e6  # m/s and rad/s
 SURFACE = {"contactStiffness": 1e18, "contactDamping": 0.0}  # stiffness in N/m: Bullet's number for a rigid body
-# m; paths of a rigid contact start so far below the surface and go on above: it is over where nothing comes back, too
+# m; paths of a rigid contact start this far below the surface and continue above it, so a contact without rebound ends
 OVER = 1e-12
 
 
@@ -45,7 +45,7 @@ class BulletEngine:
         gravity: float = 9.81,
         rigid: bool = False,
     ) -> None:
-        """`rigid`: ε is Bullet's restitution, and T its time step.  UserError for causes that no engine has."""
+        """`rigid`: ε is Bullet's restitution, and T its time step.  UserError for causes that no engine models."""
         try:
             import pybullet  # noqa: F401  # pyright: ignore[reportMissingImports]
         except ImportError as error:
@@ -53,13 +53,13 @@ class BulletEngine:
         self.mechanics = mechanics(body, contact, causes, gravity, n)
         self.h = contact.contact_time if rigid else contact.dt
         self.rigid, self._radius = rigid, causes.corner_radius or SHARP
-        # the spheres of sharp corners reach below them
+        # the spheres that represent sharp corners extend below the corners
         self._raised = SHARP if self.mechanics.vertices is not None and not causes.corner_radius else 0.0
         if self.mechanics.vertices is None:
             self._axes = self.mechanics.grown * np.array(body.shape.semi_axes)  # pyright: ignore[reportAttributeAccessIssue]
 
     def press(self, rows: np.ndarray, q: np.ndarray, v: np.ndarray, steps: int) -> tuple[np.ndarray, np.ndarray]:
-        """Paths q, v (m, steps + 1, 3) from states (m, 3) of the centre of mass."""
+        """Return the paths q, v (m, steps + 1, 3) that start from the states (m, 3) of the centre of mass."""
         import pybullet  # pyright: ignore[reportMissingImports]
 
         paths = np.empty((2, len(rows), steps + 1, 3))
@@ -85,7 +85,7 @@ class BulletEngine:
         return self._flown(paths) if self.rigid else (paths[0], paths[1])
 
     def _flown(self, paths: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Paths q, v that leave the surface with the velocities after one step."""
+        """Return the paths q, v of bodies that leave the surface with their velocities after one step."""
         q, v = paths
         v[:] = v[:, 1:2]
         q[:, 1:] = q[:, :1] + self.h * np.arange(1, q.shape[1])[:, None] * v[:, 1:]
@@ -96,7 +96,7 @@ class BulletEngine:
         return q, v
 
     def _surface(self, pybullet, world: int) -> None:
-        """The plane, gravity, and what Bullet does at each step."""
+        """Create the plane, and set gravity and the options of Bullet's time step."""
         m = self.mechanics
         plane = pybullet.createCollisionShape(pybullet.GEOM_PLANE, planeNormal=[0, 1, 0], physicsClientId=world)
         height = [0, m.hidden.surface_height, 0]
@@ -109,7 +109,7 @@ class BulletEngine:
         )
 
     def _body(self, pybullet, world: int, theta: float) -> int:
-        """A body at the angle `theta` in rad, in axes that are not turned."""
+        """Create a body at the angle `theta` in rad, in unrotated axes; return its number in Bullet."""
         m, contact = self.mechanics, self.mechanics.contact
         if m.vertices is None:
             a, b = self._axes

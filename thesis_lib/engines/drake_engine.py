@@ -1,8 +1,8 @@
-"""Drake as a model of impacts: its own contact, point or hydroelastic, every impact through one plant.
+"""Drake as an impact model: its own contact, point or hydroelastic; one plant simulates all impacts.
 
-The plant is that of `thesis_lib/simulate/drake/plant.py`, in continuous time with error control.  ε and T are those of
-a central impact at `REFERENCE_SPEED`.  Hydroelastic bodies are ellipses, disks and rectangles: Drake has no other solid
-whose pressure field stays in the plane.
+The plant comes from `thesis_lib/simulate/drake/plant.py` and is integrated in continuous time with error control.  ε
+and T refer to a central impact at `REFERENCE_SPEED`.  Hydroelastic bodies are ellipses, disks and rectangles: Drake has
+no other solid whose pressure field stays in the plane.
 """
 
 from typing import Literal
@@ -17,7 +17,7 @@ from thesis_lib.simulate.drake.hunt_crossley import spring as spring_of
 from thesis_lib.simulate.rig.hidden_causes import CompliantContact, HiddenCauses
 
 POINTS = 20  # states of a path in one contact time
-ACCURACY = 1e-3  # relative, of Drake's error control; a tenth of it moves velocities by 0.1 mm/s
+ACCURACY = 1e-3  # relative, of Drake's error control; a tenth of it changes velocities by 0.1 mm/s
 CONTACTS = ("point", "hydroelastic")
 
 
@@ -35,9 +35,9 @@ class DrakeEngine:
         surface: Literal["point", "hydroelastic"] = "point",
         spring: Spring | None = None,
     ) -> None:
-        """`spring` replaces that of ε and T in point contact.
+        """`spring` replaces the spring that follows from ε and T in point contact.
 
-        UserError for causes that no engine has, an unknown surface, and a hydroelastic polygon but a rectangle."""
+        UserError for causes that no engine models, an unknown surface, or a hydroelastic polygon except a rectangle."""
         try:
             from thesis_lib.simulate.drake.clock import Clock
             from thesis_lib.simulate.drake.modulus import solid
@@ -57,7 +57,7 @@ class DrakeEngine:
         self._clock = Clock(drop_plant(body, contact, causes, gravity, made_of), T, ACCURACY)
 
     def press(self, rows: np.ndarray, q: np.ndarray, v: np.ndarray, steps: int) -> tuple[np.ndarray, np.ndarray]:
-        """Paths q, v (m, steps + 1, 3) from states (m, 3) of the centre of mass."""
+        """Return the paths q, v (m, steps + 1, 3) that start from the states (m, 3) of the centre of mass."""
         paths = np.empty((2, len(rows), steps + 1, 3))
         paths[:, :, 0] = q, v
         for i in range(len(rows)):

@@ -1,12 +1,12 @@
-"""Drake as a model of contacts of bodies in space: point contact, in continuous time with error control.
+"""Drake as a contact model for bodies in space: point contact, in continuous time with error control.
 
-Each contact point is a ball over a half-space, with a spring and Hunt and Crossley's dissipation, and all press at
-once.  Bodies with the same coefficients, points and inertia share a plant, one after the other.  Gravity is the mean
-acceleration of these bodies in flight; couples in flight are left out, as they turn a body by nothing that shows in a
-contact.  See `thesis_lib/engines/in_space.py`.
+Each contact point is a ball on a half-space, with a spring and Hunt and Crossley's dissipation; all points act at the
+same time.  One plant simulates, one after another, the bodies with the same coefficients, points and inertia.  Gravity
+is the mean acceleration of these bodies in flight; couples in flight are neglected, because the rotation that they
+cause during a contact is too small to matter.  See `thesis_lib/engines/in_space.py`.
 """
 
-# Drake's stubs accept ndarray[float64] only, though lists and other arrays work, and lack the types of ports
+# Drake's type stubs accept only ndarray[float64], though lists and other arrays work, and lack the types of ports
 # pyright: reportArgumentType=false, reportCallIssue=false, reportAttributeAccessIssue=false, reportReturnType=false
 
 import numpy as np
@@ -16,19 +16,19 @@ from thesis_lib.engines.parameters import DrakeNumbers
 from thesis_lib.foundation.errors import UserError
 
 POINTS = 20  # states of a path in one contact time
-AT_ONCE = 30  # of these between two looks at who has left
+AT_ONCE = 30  # of these states between two checks of which bodies have left
 ACCURACY = 1e-4  # relative, of Drake's error control
 
 
 class DrakeInSpace:
-    """n bodies on Drake's plane; of `coefficients` T sets the time between states, and `numbers` are the contact."""
+    """n bodies on Drake's plane; the contact time T sets the time between states, `numbers` the contact force."""
 
     name = "Drake"
 
     def __init__(
         self, points: TouchPoints, inertia: np.ndarray, push: np.ndarray, lasting: float, numbers: DrakeNumbers
     ) -> None:
-        """Arrays as in the table of `in_space`, `lasting` is T in s of all bodies, which have 1 kg and `centres` alike.
+        """Arrays as in the table of `in_space`; all bodies have 1 kg, the same `centres`, and T = `lasting` in s.
 
         Raises:
             UserError: Drake is not installed.
@@ -69,10 +69,10 @@ class DrakeInSpace:
         self.context = plant.GetMyMutableContextFromRoot(self.root)
 
     def path(self, rows: np.ndarray, pose: np.ndarray, motion: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Poses (7, m, steps) and motions (6, m, steps) after each of `AT_ONCE` times."""
+        """Return the poses (7, m, steps) and motions (6, m, steps) at `AT_ONCE` successive times."""
         q, v = np.empty((7, len(rows), AT_ONCE)), np.empty((6, len(rows), AT_ONCE))
         for i, row in enumerate(rows):
-            self.root.SetTime(0.0)  # Drake has the attitude first, and the spin
+            self.root.SetTime(0.0)  # Drake stores attitude and spin first
             self.plant.SetPositions(self.context, np.roll(pose[:, i], 4))
             self.plant.SetVelocities(self.context, np.roll(motion[:, i], 3))
             self.simulator.Initialize()

@@ -1,16 +1,16 @@
-"""Interface of a physics engine to a critique in space: states at first touch in, states off the surface out.
+"""Interface between a physics engine and a critique in space: maps states at first touch to states off the surface.
 
-An engine presses bodies with points that touch the plane z = 0, from touch until the body is off; what is in common to
-all engines is here, as `thesis_lib/engines/engine.py` has it for the plane.  A body leaves within a step, and is flown
-back to where it did.
+An engine simulates bodies whose contact points touch the plane z = 0, from the first touch until the body is off.  This
+module holds the parts common to all engines, as `thesis_lib/engines/engine.py` does for planar motion.  A body leaves
+within a step; its flight is then traced back to the instant at which it left.
 
 | on paper | in code        | unit       | shape     |                                                             |
 |----------|----------------|------------|-----------|-------------------------------------------------------------|
 | q        | `pose`         | m, 1       | (7, n)    | centre of mass; attitude, axes of the body into the surface's |
 | v, ω     | `motion`       | m/s, rad/s | (6, n)    | axes of the surface                                         |
-| u        | `centres`      | m          | (3, p, n) | middles of the points from the centre of mass, axes of the body |
+| u        | `centres`      | m          | (3, p, n) | centres of the points from the centre of mass, axes of the body |
 | G        | `inertia`      | m²         | (3, 3)    | inertia per mass, axes of the body                          |
-| a, M     | `push`         | m/s², m²/s² | (6, n)   | what acts beside contact per mass: force, and couple        |
+| a, M     | `push`         | m/s², m²/s² | (6, n)   | force and couple per mass besides contact                   |
 | μ, ε, T  | `coefficients` | 1, 1, s    | (3, n)    | of a central contact                                        |
 """
 
@@ -23,32 +23,30 @@ from thesis_lib.foundation.errors import UserError
 from thesis_lib.mechanics.space import SPACE
 from thesis_lib.mechanics.state import State
 
-SUNK = (
-    1e-7  # m below the touch, so that dampers act in the first stage of the first step: MuJoCo finds a touch to 0.1 µm
-)
+SUNK = 1e-7  # m below the touch, so that dampers act from the first stage on: MuJoCo detects a touch to 0.1 µm
 LEAST = 1e-6  # m, radius of the ball at a sharp corner
-BACK = 2  # steps of Newton's method to where a body left
+BACK = 2  # Newton steps to find the instant at which a body left
 TINY = 1e-12  # m or m/s
 UP = np.array([[0.0], [0.0], [1.0]])
 
 
 @dataclass(frozen=True)
 class TouchPoints:
-    """The points of n bodies that may touch: balls of one radius in m about `centres`, or one ellipsoid, of which
-    `squares` (3,) in m² are those of the semi-axes."""
+    """Points of n bodies that may touch: balls of one radius in m about `centres`, or one ellipsoid with the squared
+    semi-axes `squares` (3,) in m²."""
 
     centres: np.ndarray
     squares: np.ndarray
     radius: float
 
     def gap(self, pose: np.ndarray, rows: np.ndarray | slice = slice(None)) -> np.ndarray:
-        """Height (n,) in m of the lowest point of the bodies `rows`."""
+        """Return the height (n,) in m of the lowest point of each of the bodies `rows`."""
         up = SPACE.turned_back(pose[3:], UP)
         height = np.einsum("ipn,in->pn", self.centres[..., rows], up).min(axis=0)
         return pose[2] + height - np.sqrt(self.squares @ (up * up)) - self.radius
 
     def rise(self, pose: np.ndarray, motion: np.ndarray) -> np.ndarray:
-        """How fast (n,) in m/s the lowest point of each body rises."""
+        """Return the vertical velocity (n,) in m/s of the lowest point of each body, upwards positive."""
         up = SPACE.turned_back(pose[3:], UP)
         lowest = np.einsum("ipn,in->pn", self.centres, up).argmin(axis=0)
         r = self.centres[:, lowest, np.arange(len(lowest))]
@@ -57,25 +55,25 @@ class TouchPoints:
 
 
 class PressInSpace(Protocol):
-    """An engine with n bodies on its plane."""
+    """Interface of an engine with n bodies on its plane."""
 
     name: str
     points: TouchPoints
     h: float  # s, between two states of a path
 
     def path(self, rows: np.ndarray, pose: np.ndarray, motion: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Poses (7, m, steps) and motions (6, m, steps) of the bodies `rows` (m,) after each of some steps, of which
-        the later ones may repeat that at which the body is off."""
+        """Return poses (7, m, steps) and motions (6, m, steps) of the bodies `rows` (m,) after each of several steps;
+        once a body is off, later steps may repeat its state."""
         ...
 
 
 def pressed(engine: PressInSpace, start: State, longest: np.ndarray) -> tuple[State, np.ndarray]:
-    """States (n,) when the bodies are off the surface, from states at first touch, and the time (n,) in s between.
+    """Return the states (n,) at which bodies leave the surface, from states at first touch, and the time (n,) in s.
 
-    The bodies are set down where they touch.  A contact that lasts `longest` (n,) in s ends there.
+    The bodies are first moved vertically to touch the plane.  A contact that lasts `longest` (n,) in s is cut off.
 
     Raises:
-        UserError: the engine returns what is not finite.
+        UserError: the engine returns a state that is not finite.
     """
     points, pose, motion = engine.points, start.pose.copy(), start.motion.copy()
     lower = points.gap(pose) + SUNK
@@ -84,7 +82,7 @@ def pressed(engine: PressInSpace, start: State, longest: np.ndarray) -> tuple[St
     while len(rows):
         q, v = engine.path(rows, pose[:, rows], motion[:, rows])
         if not (np.isfinite(q).all() and np.isfinite(v).all()):
-            raise UserError(f"{engine.name} returned no finite state for a contact.")
+            raise UserError(f"{engine.name} returned a state that is not finite in a contact.")
         steps = q.shape[2]
         off = np.stack([points.gap(q[..., k], rows) >= 0.0 for k in range(steps)], axis=1)
         last, each = np.where(off.any(axis=1), off.argmax(axis=1), steps - 1), np.arange(len(rows))

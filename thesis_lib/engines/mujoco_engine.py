@@ -1,7 +1,7 @@
-"""MuJoCo as a model of impacts: its own contact, planar bodies, all impacts one `mujoco.batch.Batch`.
+"""MuJoCo as an impact model: its own contact, planar bodies, all impacts in one `mujoco.batch.Batch`.
 
-The model is that of `thesis_lib/simulate/mujoco/model.py`.  Contacts begin at the touch, not within a step, so that 30
-Runge-Kutta steps in a contact time are enough.  μ and ε may be one number for all impacts, or one for each.
+The model comes from `thesis_lib/simulate/mujoco/model.py`.  Each simulation begins exactly at the touch, so 30
+Runge-Kutta steps per contact time are enough.  μ and ε may be one number for all impacts, or one for each.
 """
 
 import numpy as np
@@ -15,7 +15,7 @@ from thesis_lib.simulate.mujoco.contact import MujocoContact, solref
 from thesis_lib.simulate.rig.hidden_causes import HiddenCauses
 
 STEPS = 30  # in one contact time: 0.1 mm/s in an impact of an ellipse, 0.7 mm/s at most, against 400 steps
-# m below the touch: MuJoCo's damper acts from there on, and must in the first stage of the first step
+# m below the touch, so that MuJoCo's damper acts from the first stage of the first step on
 SUNK = 1e-10
 
 
@@ -35,7 +35,7 @@ class MujocoEngine:
         mu: np.ndarray | None = None,
         epsilon: np.ndarray | None = None,
     ) -> None:
-        """`mu` and `epsilon` (n,) replace those of the contact; UserError for causes that no engine has."""
+        """`mu` and `epsilon` (n,) replace the values of `contact`; UserError for causes that no engine models."""
         try:
             from mujoco.batch import Batch
         except ImportError as error:
@@ -57,7 +57,7 @@ class MujocoEngine:
             self.batch.expand("pair_solref")[:] = solref(epsilon, np.full(n, contact.contact_time), of_central)[:, None]
 
     def press(self, rows: np.ndarray, q: np.ndarray, v: np.ndarray, steps: int) -> tuple[np.ndarray, np.ndarray]:
-        """Paths q, v (m, steps + 1, 3) from states (m, 3) of the centre of mass."""
+        """Return the paths q, v (m, steps + 1, 3) that start from the states (m, 3) of the centre of mass."""
         down = np.zeros_like(q)
         down[:, 1] = SUNK + self._blunt(q[:, 2])
         self.batch.bind("qpos")[rows, :3] = q - down
@@ -68,7 +68,7 @@ class MujocoEngine:
         return places + down[:, None], rates
 
     def _blunt(self, theta: np.ndarray) -> np.ndarray:
-        """How much higher (m,) in m the lowest point of the model is than the body's: its corners are not sharp."""
+        """Return how much higher (m,) in m the model's rounded corners end than the sharp corners of the body."""
         if self._centres is None:
             return np.zeros(len(theta))
         x, z = self._centres.T

@@ -1,10 +1,10 @@
-"""MuJoCo as a model of contacts of bodies in space; all bodies are one `mujoco.batch.Batch`.
+"""MuJoCo as a contact model for bodies in space; all bodies are in one `mujoco.batch.Batch`.
 
-Each contact point is a ball over a plane, and all press at once, as the corners of MuJoCo's own hulls do.
-Coefficients, points and what acts beside contact are those of each body.  See `thesis_lib/engines/in_space.py`.
+Each contact point is a ball on a plane; all points act at the same time, as the corners of MuJoCo's own hulls do.
+Each body has its own coefficients, points, and forces besides contact.  See `thesis_lib/engines/in_space.py`.
 """
 
-# MuJoCo's stubs do not have what its compiled modules define
+# MuJoCo's type stubs lack the names that its compiled modules define
 # pyright: reportAttributeAccessIssue=false
 
 from dataclasses import dataclass
@@ -18,12 +18,12 @@ from thesis_lib.mechanics.space import SPACE
 from thesis_lib.simulate.mujoco.contact import GROWS, solref
 
 STEPS = 30  # in the shortest contact time of the bodies
-AT_ONCE = 32  # steps between two looks at who has left
+AT_ONCE = 32  # steps between two checks of which bodies have left
 
 
 @dataclass(frozen=True)
 class MujocoSurface:
-    """MuJoCo's cone of friction, impratio, and impedance at the touch and deep (`simulate/mujoco/contact.py`)."""
+    """MuJoCo's friction cone, impratio, and impedance at the touch and in depth (`simulate/mujoco/contact.py`)."""
 
     cone: Literal["elliptic", "pyramidal"] = "elliptic"
     impratio: float = 10.0
@@ -61,8 +61,8 @@ class MujocoInSpace:
         self.batch.bind("xfrc_applied")[:, 1] = push.T
 
     def path(self, rows: np.ndarray, pose: np.ndarray, motion: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Poses (7, m, steps) and motions (6, m, steps) after each of `AT_ONCE` steps."""
-        spin = SPACE.turned_back(pose[3:], motion[3:])  # MuJoCo's is in axes of the body
+        """Return the poses (7, m, steps) and motions (6, m, steps) after each of `AT_ONCE` steps."""
+        spin = SPACE.turned_back(pose[3:], motion[3:])  # MuJoCo's spin is in the axes of the body
         self.batch.bind("qpos")[rows], self.batch.bind("qvel")[rows] = pose.T, np.concatenate([motion[:3], spin]).T
         made = self.batch.rollout(AT_ONCE, record=("qpos", "qvel"), ids=rows)
         q, v = (np.moveaxis(made[name], -1, 0) for name in ("qpos", "qvel"))
@@ -71,13 +71,13 @@ class MujocoInSpace:
 
 
 def _xml(points: TouchPoints, inertia: np.ndarray, surface: MujocoSurface, step: float) -> str:
-    """The model of a body of 1 kg, its joint at its centre of mass; the places of its geoms are set for each body."""
+    """Return the MJCF of a 1 kg body with its joint at the centre of mass; geom positions are set later, per body."""
     moments = inertia[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]
     kind, size = "sphere", _text([points.radius])
     if points.squares.any():
         kind, size = "ellipsoid", _text(np.sqrt(points.squares) + points.radius)
     numbers = range(points.centres.shape[1])
-    where = 'pos="1 1 1" contype="0" conaffinity="0"'  # not 0: MuJoCo then never looks at where a geom is
+    where = 'pos="1 1 1" contype="0" conaffinity="0"'  # not 0: MuJoCo would then ignore the position of a geom
     geoms = "".join(f'<geom name="p{i}" type="{kind}" size="{size}" {where}/>' for i in numbers)
     solimp = f'condim="3" solimp="{_text([*surface.impedance, *GROWS])}"'
     pairs = "".join(f'<pair geom1="plane" geom2="p{i}" {solimp}/>' for i in numbers)

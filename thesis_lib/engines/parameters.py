@@ -1,36 +1,36 @@
-"""The numbers that engines call contact, from μ, ε and the contact time T, and back.
+"""Contact parameters of physics engines, computed from μ, ε and the contact time T, and back.
 
-An engine's file has no ε and no T.  In MuJoCo they are `solref` and `solimp`; in Drake a stiffness, or a modulus, and
-Hunt and Crossley's dissipation.  Both engines act at points, and a solid that is as deep as it is wide touches a plane
-in more points than a planar one: an edge of a prism in its two ends.  `points` is that number.
+The model file of an engine has no ε and no T.  MuJoCo has `solref` and `solimp` instead; Drake has a stiffness, or a
+modulus, and Hunt and Crossley's dissipation.  Both engines act at points, and a solid body touches a plane in more
+points than a planar one: the edge of a prism touches with its two ends.  `points` is the number of these points.
 
-MuJoCo, direct `solref` (−K/s, −B/s): all points ask for the acceleration a* = −(K φ + B v)/(s d), and with the
-impedance d of `solimp` together give the share s d of it,
+MuJoCo, direct `solref` (−K/s, −B/s): all points demand the acceleration a* = −(K φ + B v)/(s d), and with the
+impedance d of `solimp` together produce the share s d of it,
 
     s = 1 / (d + (1 − d)/n)        n points, central contact of a free body
 
-(`thesis_lib/simulate/mujoco/contact.py` for a planar body).  Off the centre s depends on d, too.  The body has the same
-contact in space as in the plane where R/n is the same, so that its d is less the more points there are.  Positive
-`solref` (t, ζ), MuJoCo's own form, is K = 1/(d t ζ)², B = 2/(d t) of a*, with d that of the deepest contact.
+(`thesis_lib/simulate/mujoco/contact.py` for a planar body).  Off the centre, s also depends on d.  The contact is the
+same in space and in the plane if R/n is the same; d is therefore smaller, the more points there are.  Positive `solref`
+(t, ζ), MuJoCo's usual form, means K = 1/(d t ζ)², B = 2/(d t) in a*, with the impedance d of the deepest contact.
 
-Drake, point contact: springs of both bodies in series, so that each has 2 k/n; friction is the harmonic mean of both,
-so that each has μ; the dissipation of equally stiff bodies is their mean, so that each has d.
+Drake, point contact: the springs of both bodies act in series, so each has 2 k/n; friction is the harmonic mean of both
+coefficients, so each is μ; dissipation is the mean for equally stiff bodies, so each has d.
 
-Bullet, soft contact: a spring k and a damper c at each point, of which the body has all on a rigid surface without
-damping; friction is the product of both, so that the surface has 1.  Spring and damper act as they are after the time
-step h, which damps like c + k h: the numbers hold for one time step, and ε for no more than c = 0 leaves.
+Bullet, soft contact: a spring k and a damper c at each point, all on the body; the surface is rigid and undamped.
+Friction is the product of both coefficients, so the surface has 1.  Spring and damper act on the state after the time
+step h, which damps like c + k h: the numbers hold for one time step, and the largest ε is the one that c = 0 leaves.
 
 | on paper | in code       | unit      |                                                             |
 |----------|---------------|-----------|-------------------------------------------------------------|
 | K, B     |               | 1/s², 1/s | stiffness and damping per mass of a central contact         |
 | d, s     | `impedance`, `share` | 1  | impedance; share of the acceleration over d                 |
-| k        | `stiffness`   | N/m       | of the contact; `of_geometry` is that of one body's geometry |
+| k        | `stiffness`   | N/m       | of the contact; `of_geometry` is the stiffness of one body's geometry |
 | d        | `dissipation` | s/m       | Hunt and Crossley's                                         |
 | c        | `damping`     | N s/m     | of a point in Bullet                                        |
 | h        | `step`        | s         | Bullet's time step                                          |
 
-Sources: MuJoCo's documentation, "Solver parameters"; Drake's, "Compliant point contact"; PyBullet's Quickstart Guide,
-"changeDynamics", and R. Smith, Open Dynamics Engine, User Guide, 3.8.2 (a spring and a damper as ERP and CFM).
+Sources: MuJoCo's documentation, "Solver parameters"; Drake's documentation, "Compliant point contact"; PyBullet's
+Quickstart Guide, "changeDynamics"; R. Smith, Open Dynamics Engine, User Guide, 3.8.2 (spring and damper as ERP, CFM).
 """
 
 import cmath
@@ -41,14 +41,14 @@ from thesis_lib.simulate.drake.hunt_crossley import duration, restitution, sprin
 from thesis_lib.simulate.mujoco.contact import GROWS, restitution_and_time, solref, spring_and_damper
 from thesis_lib.simulate.rig.hidden_causes import REFERENCE_SPEED
 
-PLANAR = 2.0 / 3.0  # of 1/m: MuJoCo's estimate of the inverse mass of a body that cannot leave its plane
-LEAST_FRICTION = 1e-5  # MuJoCo's least μ
-SETTLE = 8  # rounds in which the first step of Bullet's damper is found
+PLANAR = 2.0 / 3.0  # times 1/m: MuJoCo's estimate of the inverse mass of a body that cannot leave its plane
+LEAST_FRICTION = 1e-5  # MuJoCo's smallest μ
+SETTLE = 8  # iterations that determine the effect of the first step of Bullet's damper
 
 
 @dataclass(frozen=True)
 class MujocoNumbers:
-    """Contact numbers of MJCF; `solref` is direct, or MuJoCo's (time constant in s, damping ratio)."""
+    """Contact parameters of MJCF; `solref` is direct (negative), or (time constant in s, damping ratio)."""
 
     solref: tuple[float, float]
     solimp: tuple[float, float, float, float, float]
@@ -58,7 +58,7 @@ class MujocoNumbers:
 
 @dataclass(frozen=True)
 class DrakeNumbers:
-    """Numbers of a point contact in SDF and URDF: `stiffness` of one geometry in N/m, `dissipation` in s/m, μ."""
+    """Parameters of a point contact in SDF and URDF: `stiffness` of one geometry in N/m, `dissipation` in s/m, μ."""
 
     stiffness: float
     dissipation: float
@@ -67,7 +67,7 @@ class DrakeNumbers:
 
 @dataclass(frozen=True)
 class BulletNumbers:
-    """Numbers of a soft contact in Bullet: `stiffness` in N/m, `damping` in N s/m, μ."""
+    """Parameters of a soft contact in Bullet: `stiffness` in N/m, `damping` in N s/m, μ."""
 
     stiffness: float
     damping: float
@@ -75,7 +75,7 @@ class BulletNumbers:
 
 
 def share(impedance: float, points: float = 1) -> float:
-    """s of a central contact of a free body that touches in so many points, 1."""
+    """Return s, dimensionless, of a central contact of a free body that touches in `points` points."""
     return 1.0 / (impedance + (1.0 - impedance) / points)
 
 
@@ -90,29 +90,29 @@ def mujoco_numbers(
     estimate: float = PLANAR,
     on_pyramid: bool = False,
 ) -> MujocoNumbers:
-    """Numbers of a free body that touches in so many points; `contact_time` in s.
+    """Return MuJoCo's parameters for a free body that touches in `points` points; `contact_time` in s.
 
-    `impedance` is that of `MujocoContact`, of a body that touches in one point and whose inverse mass MuJoCo takes for
-    `estimate` times 1/m: by default a planar one.  `on_pyramid`: with the pyramidal cone and an impratio of 1.
+    `impedance` is defined as in `MujocoContact`, for a body that touches in one point and whose inverse mass MuJoCo
+    estimates as `estimate` times 1/m (default: a planar body).  `on_pyramid`: pyramidal cone and an impratio of 1.
     """
     d = 1.0 / (1.0 + points * estimate * (1.0 - impedance) / impedance)
-    # four edges with R_e = 2 μ² R each push along the normal together
+    # the four edges of the pyramid, each with R_e = 2 μ² R, act together along the normal
     shared = 2.0 * points / max(mu, LEAST_FRICTION) ** 2 if on_pyramid else points
     K, B = solref(epsilon, contact_time, share(d, shared))
     return MujocoNumbers((float(K), float(B)), (d, d, *GROWS), mu, impratio)
 
 
 def of_mujoco(numbers: MujocoNumbers, points: int = 1) -> tuple[float, float, float]:
-    """μ, ε and T (s) of a central impact with these numbers, at the impedance of a deep contact.
+    """Return μ, ε and T (s) of a central impact with these parameters, at the impedance of a deep contact.
 
-    UserError for a `solref` with one positive and one negative number, which MuJoCo refuses, too.
+    UserError for a `solref` with one positive and one negative number, which MuJoCo also refuses.
     """
     first, second = numbers.solref
     d = numbers.solimp[1]
     if first > 0.0 and second > 0.0:
-        first, second = -1.0 / (d * first * second) ** 2 * d, -2.0 / first  # as the direct form has them
+        first, second = -1.0 / (d * first * second) ** 2 * d, -2.0 / first  # values in the direct form
     if first >= 0.0 or second > 0.0:
-        raise UserError(f"solref must be two positive numbers, or two negative ones; got {numbers.solref}.")
+        raise UserError(f"solref must be two positive or two negative numbers; got {numbers.solref}.")
     s = share(d, points)
     return (numbers.friction, *restitution_and_time(-first * s, -second * s))
 
@@ -120,9 +120,9 @@ def of_mujoco(numbers: MujocoNumbers, points: int = 1) -> tuple[float, float, fl
 def drake_numbers(
     mu: float, epsilon: float, contact_time: float, *, mass: float, points: int = 1, speed: float | None = None
 ) -> DrakeNumbers:
-    """Numbers of both geometries in a point contact of a body of `mass` kg that touches in so many points.
+    """Return the point-contact parameters of both geometries, for a body of `mass` kg touching in `points` points.
 
-    ε and T (s) are those of a central impact at `speed` in m/s; None: at `REFERENCE_SPEED`.
+    ε and T (s) refer to a central impact at `speed` in m/s; None: at `REFERENCE_SPEED`.
     """
     made = spring(epsilon, contact_time, mass, speed or REFERENCE_SPEED)
     return DrakeNumbers(2.0 * made.stiffness / points, made.dissipation, mu)
@@ -131,7 +131,7 @@ def drake_numbers(
 def of_drake(
     numbers: DrakeNumbers, mass: float, points: int = 1, speed: float | None = None
 ) -> tuple[float, float, float]:
-    """μ, ε and T (s) of a central impact at `speed` with these numbers in both geometries."""
+    """Return μ, ε and T (s) of a central impact at `speed` with these parameters in both geometries."""
     speed = speed or REFERENCE_SPEED
     stiffness = 0.5 * points * numbers.stiffness
     lasts = duration(numbers.dissipation * speed, 1.0) * (mass / stiffness) ** 0.5
@@ -141,18 +141,18 @@ def of_drake(
 def bullet_numbers(
     mu: float, epsilon: float, contact_time: float, *, mass: float, step: float, points: int = 1
 ) -> BulletNumbers:
-    """Numbers of a body of `mass` kg that touches in so many points, for time steps of `step` s."""
+    """Return Bullet's parameters for a body of `mass` kg touching in `points` points, with time steps of `step` s."""
     K = B = 0.0
     for _ in range(SETTLE):
         K, B = spring_and_damper(min(epsilon * _start(B, step), 1.0), contact_time)
-    # what a step multiplies by exp(λ h) in the oscillation, by 1/(1 − s h) in Bullet
+    # a step multiplies a mode by exp(λ h) in the oscillation, and by 1/(1 − s h) in Bullet
     one, two = ((1.0 - cmath.exp(-rate * step)) / step for rate in _rates(K, B))
     stiffness, damping = (one * two).real, -(one + two).real
     return BulletNumbers(mass * stiffness / points, mass * max(damping, 0.0) / points, mu)
 
 
 def of_bullet(numbers: BulletNumbers, mass: float, step: float, points: int = 1) -> tuple[float, float, float]:
-    """μ, ε and T (s) of a central impact with these numbers and time steps of `step` s."""
+    """Return μ, ε and T (s) of a central impact with these parameters and time steps of `step` s."""
     rates = _rates(points * numbers.stiffness / mass, points * numbers.damping / mass)
     one, two = (-cmath.log(1.0 - rate * step) / step for rate in rates)
     epsilon, contact_time = restitution_and_time((one * two).real, -(one + two).real)
@@ -160,11 +160,11 @@ def of_bullet(numbers: BulletNumbers, mass: float, step: float, points: int = 1)
 
 
 def _start(damping: float, step: float) -> float:
-    """Loss in the damper's first step beyond that of an oscillation: its force begins with a jump."""
+    """Return the factor by which the first step lowers ε, because the damper's force starts with a jump."""
     return 1.0 + 0.5 * damping * step
 
 
 def _rates(stiffness: float, damping: float) -> tuple[complex, complex]:
-    """Both λ in 1/s of x'' = −B x' − K x."""
+    """Return both eigenvalues λ in 1/s of x'' = −B x' − K x."""
     root = cmath.sqrt(0.25 * damping**2 - stiffness)
     return -0.5 * damping + root, -0.5 * damping - root

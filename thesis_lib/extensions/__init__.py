@@ -1,1 +1,1 @@
-"""Effects and laws of one's own: loaded from a file or an installed package, checked, named with their origin."""
+"""User-defined effects and laws: loaded from a file or an installed package, checked, and named with their origin."""

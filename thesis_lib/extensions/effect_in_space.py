@@ -1,6 +1,6 @@
-"""Contract of an effect that lives in space: the plane is a case, and no level direction is special.
+"""Contract of an effect in space: the plane is a special case, and no horizontal direction is special.
 
-Each check looks at the hooks of the effect for states of a box; effects of the plane are not asked.
+Each check calls the hooks of the effect for states of a box; effects of the plane alone are not checked.
 """
 
 from collections.abc import Callable, Mapping
@@ -22,9 +22,9 @@ SECTION = Rig(Polygon(vertices=_SIDES), float(np.sqrt(MOMENTS[1, 1])), 9.81, 0.2
 ANGLE = 0.7  # rad, about the vertical
 _ABOUT = np.array([[np.cos(ANGLE), -np.sin(ANGLE), 0.0], [np.sin(ANGLE), np.cos(ANGLE), 0.0], [0.0, 0.0, 1.0]])
 Made = dict[str, object]
-# what carries motions elsewhere, (6, d + turns), and the attitude (4, n) of states there
+# map of motions, a matrix (6, d + turns), and function for the attitude (4, n) of the mapped states
 Move = tuple[np.ndarray, Callable[[State], np.ndarray]]
-# from the plane into the plane x, z of space: counter-clockwise is about −y there
+# from the plane into the plane x, z of space: counter-clockwise rotation is about −y there
 EMBEDDED: Move = (
     np.array([[1, 0, 0], [0, 0, 0], [0, 1, 0], [0, 0, 0], [0, 0, -1], [0, 0, 0]], float),
     lambda state: of_rotation_vector(np.outer([0.0, -1.0, 0.0], state.theta)),
@@ -36,7 +36,7 @@ ABOUT_VERTICAL: Move = (
 
 
 def has_the_plane_as_a_case(effect: Effect) -> str:
-    """A motion in the plane x, z of space has the outcome that it has in the plane."""
+    """Check that a motion in the plane x, z of space has the same outcome as in the plane."""
     if PLANE.dimension not in effect.dimensions:
         return ""
     of_plane = _sizes(effect, PLANE)
@@ -47,14 +47,14 @@ def has_the_plane_as_a_case(effect: Effect) -> str:
     flat = _sliding()
     expected = _carried(_made(effect, of_plane, SECTION, flat), EMBEDDED)
     made = _made(effect, p, BOX, _of_state(flat, EMBEDDED))
-    return _differs(made, expected, "for a motion in a plane of space {} differs from that in the plane: it")
+    return _differs(made, expected, "for a motion in a plane of space, {} differs from its value in the plane: it")
 
 
 def knows_no_horizontal_direction(effect: Effect) -> str:
-    """Turned about the vertical with all directions along the surface, body, motion and axes of the recording have the
-    turned outcome."""
+    """Check that a rotation about the vertical of body, motion, axes of the recording and all directions along the
+    surface rotates the outcome."""
     if effect.breaks_mirror and effect.family == "surface" and not effect.level:
-        return ""  # it has a direction along the surface but not as a vector
+        return ""  # its direction along the surface is not a vector
     p, states = _sizes(effect, SPACE), tumbling_boxes(N, np.random.default_rng(8))
     back = of_rotation_vector(np.array([0.0, 0.0, -ANGLE]))
     recorded = RECORDED_BOX.recorded
@@ -67,17 +67,17 @@ def knows_no_horizontal_direction(effect: Effect) -> str:
     there = replace(RECORDED_BOX, world=multiplied(np.asarray(RECORDED_BOX.world), back), recorded=recorded)
     turned = _made(effect, p_there, there, _of_state(states, ABOUT_VERTICAL))
     expected = _carried(_made(effect, p, RECORDED_BOX, states), ABOUT_VERTICAL)
-    return _differs(turned, expected, "turned about the vertical, {}")
+    return _differs(turned, expected, "rotated about the vertical, {}")
 
 
 SPACE_EFFECT_CHECKS: tuple[Check[Effect], ...] = (
-    Check("in space, has the plane as a case", has_the_plane_as_a_case),
-    Check("in space, knows no horizontal direction", knows_no_horizontal_direction),
+    Check("in space, has the plane as a special case", has_the_plane_as_a_case),
+    Check("in space, prefers no horizontal direction", knows_no_horizontal_direction),
 )
 
 
 def _made(effect: Effect, p: Mapping[str, float], rig: Rig, states: State) -> Made:
-    """Results of the hooks for states, but for the inertia, which a body of the plane does not have in full."""
+    """Results of the hooks for states, except `inertia`, of which a body in the plane has only one component."""
     calls = hook_calls(effect, p, rig, states, given=0.0)
     arc = effect.arc(np.full((len(states), 1), 0.02), states, p, rig)
     made: Made = {hook: value for hook, (_, value) in calls.items() if hook != "inertia"}
@@ -85,18 +85,18 @@ def _made(effect: Effect, p: Mapping[str, float], rig: Rig, states: State) -> Ma
 
 
 def _differs(made: Made, expected: Made, text: str) -> str:
-    """How hooks differ from what they should give; `text` says of which, with {} for the hook."""
+    """Description of the first hook with an unexpected result; `text` introduces it, with {} for the hook."""
     found = ((hook, differs(value, expected[hook], 0.0, ROUNDING)) for hook, value in made.items())
     return next((f"{text.format(hook)} {why}" for hook, why in found if why), "")
 
 
 def _sizes(effect: Effect, space: Space) -> dict[str, float]:
-    """Parameters at a size that matters, each another share of it."""
+    """Parameters at a relevant size, each with a different fraction of its scale."""
     return {p.name: p.null + (1.0 - 0.2 * i) * p.scale for i, p in enumerate(parameters_in(effect, space))}
 
 
 def _sliding() -> State:
-    """States in the plane, of the box's section across y."""
+    """States in the plane, for the section of the box across y."""
     rng = np.random.default_rng(9)
     theta = rng.uniform(-np.pi, np.pi, N)
     r_x, r_y = SECTION.shape.contact_point(theta).T
@@ -112,7 +112,7 @@ def _of_state(state: State, move: Move) -> State:
 
 
 def _carried(made: Made, move: Move) -> Made:
-    """Results of the hooks, carried elsewhere."""
+    """Results of the hooks, mapped by `move`."""
     found, (twist, _) = dict(made), move
     for hook, value in made.items():
         if isinstance(value, State):

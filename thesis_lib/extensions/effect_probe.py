@@ -1,6 +1,6 @@
-"""Bodies that touch, on which effects are tried: each hook of an effect, and the prediction of the critique's model.
+"""Test bodies in contact, for the checks of effects: results of each hook, and predictions of the critique's model.
 
-In the plane two bodies without symmetry are dropped, in space a box.
+In the plane the bodies are a quadrilateral without symmetry and an ellipse, in space a box.
 """
 
 from collections.abc import Mapping, Sequence
@@ -23,8 +23,8 @@ from thesis_lib.mechanics.space import PLANE, SPACE, Space, cross, of_rotation_v
 from thesis_lib.mechanics.state import State
 
 MU, EPSILON = 0.25, 0.55
-TAU = 5e-4  # s, of a contact of a millisecond
-# no symmetry: a mirrored or turned body stands on other corners
+TAU = 5e-4  # s, for a contact of one millisecond
+# no symmetry: a mirrored or rotated body touches with another corner
 QUADRILATERAL = Polygon(vertices=((0.035, 0.03), (-0.03, 0.028), (-0.036, -0.03), (0.025, -0.033)))
 RIGS = {
     "quadrilateral": Rig(QUADRILATERAL, QUADRILATERAL.radius_of_gyration, 9.81, 0.2),
@@ -33,7 +33,7 @@ RIGS = {
 HALF = (0.03, 0.02, 0.015)  # m
 MOMENTS = np.diag([HALF[1] ** 2 + HALF[2] ** 2, HALF[0] ** 2 + HALF[2] ** 2, HALF[0] ** 2 + HALF[1] ** 2]) / 3.0
 BOX = Rig(Box(half_extents=HALF), float(np.sqrt(np.trace(MOMENTS) / 3.0)), 9.81, 0.2, tensor=MOMENTS)
-# as recorded: the tracked frame somewhere on the body, the axes of the recording not those of the surface
+# as recorded: tracked frame at an arbitrary place on the body, axes of the recording rotated relative to the surface
 _TURNS = of_rotation_vector(np.array([[0.4, -1.0], [-0.7, 0.5], [1.1, 0.3]]))
 _FRAMES = WholeTosses(
     trial=np.repeat(np.arange(100), 2),
@@ -49,17 +49,17 @@ Calls = dict[str, tuple[tuple[object, ...], object]]
 
 
 def null(effect: Effect, space: Space = PLANE, mu: float = MU) -> dict[str, float]:
-    """Parameters at which the effect is absent from a law with this friction."""
+    """Parameters at which the effect is absent from a law with friction `mu`."""
     return {p.name: p.absent_at({"mu": mu}) for p in parameters_in(effect, space)}
 
 
 def at_scale(effect: Effect, space: Space = PLANE) -> dict[str, float]:
-    """Parameters at a size that matters."""
+    """Parameters one `scale` above their null, a relevant size."""
     return {p.name: p.null + p.scale for p in parameters_in(effect, space)}
 
 
 def random_states(rig: Rig, n: int, rng: np.random.Generator) -> State:
-    """States of bodies that touch the surface and approach it with 0.8 to 3.3 m/s, sliding either way."""
+    """States of bodies that touch the surface and approach it at 0.8 to 3.3 m/s, with slip in either direction."""
     theta, omega = rng.uniform(-np.pi, np.pi, n), rng.uniform(-15.0, 15.0, n)
     r = rig.shape.contact_point(theta)
     return State.planar(
@@ -75,7 +75,7 @@ def random_states(rig: Rig, n: int, rng: np.random.Generator) -> State:
 
 
 def tumbling_boxes(n: int, rng: np.random.Generator) -> State:
-    """States of the box in space: it touches the surface at all attitudes, spins, and approaches with 1 to 3 m/s."""
+    """States of the box in space: it touches the surface at all attitudes, spins, and approaches at 1 to 3 m/s."""
     attitude = of_rotation_vector(rng.standard_normal((3, n)))
     r = BOX.shape.lowest(attitude)
     place = np.concatenate([rng.uniform(-0.3, 0.3, (2, n)), BOX.height - r[2:]])
@@ -85,9 +85,9 @@ def tumbling_boxes(n: int, rng: np.random.Generator) -> State:
 
 
 def hook_calls(effect: Effect, p: Mapping[str, Any], rig: Rig, states: State, given: float = 1.0) -> Calls:
-    """Each hook of an effect: its leading arguments and what it makes of them.
+    """Leading arguments and result of each hook of an effect, by the name of the hook.
 
-    `given` is the size of what does not follow from the states: jump, gap, and an acceleration beside gravity.
+    `given` is the size of the arguments that do not follow from the states: jump, gap, and acceleration beyond gravity.
     """
     n, space, r = len(states), states.space, rig.lowest(states)
     mu, epsilon, tau = np.full(n, MU), np.full(n, EPSILON), np.full(n, TAU)
@@ -115,7 +115,7 @@ def hook_calls(effect: Effect, p: Mapping[str, Any], rig: Rig, states: State, gi
 
 
 def flat(value: object) -> list[np.ndarray]:
-    """All arrays in a hook's argument or result."""
+    """List of all arrays in an argument or a result of a hook."""
     if isinstance(value, State):
         attitude = value.attitude if value.space.is_plane else rotation_matrix(value.attitude)
         return [value.position, attitude, value.motion, value.trial, value.t]
@@ -127,7 +127,7 @@ def flat(value: object) -> list[np.ndarray]:
 
 
 def differs(made: object, expected: object, rtol: float, atol: float = 0.0) -> str:
-    """How what a hook returned differs from what it should be; "" if it does not."""
+    """Description of how the result of a hook differs from the expected result; "" if it does not."""
     ours, theirs = flat(made), flat(expected)
     if len(ours) != len(theirs):
         return f"returns {len(ours)} array(s) instead of {len(theirs)}"
@@ -145,8 +145,8 @@ def predict(active: Active, measured: State, rig: Rig, contact_time: float = 0.0
     """Prediction of the critique's model in each channel, from measured states before the impact.
 
     impact: velocity after it; meet: jump of the pose; flight: acceleration, (n, d + turns) each; touch: gap (n,) at it;
-    slide: in the plane, acceleration (n,) along the surface, were the body supported.
-    The effects act in their own order, whatever that of `active`; `contact_time` is τ in s.
+    slide: in the plane, acceleration (n,) along the surface if the body were supported.
+    Effects act in the order of `in_order`, whatever the order of `active`; `contact_time` is τ in s.
     """
     of_active = tuple(effect for effect, _ in active)
     model = Model(LAWS["anitescu_potra_newton"], of_active, contact_time > 0.0, space=measured.space)

@@ -1,11 +1,11 @@
-"""The reference draw of random impacts that the laws' promises and the rates in `Law.breaks` refer to.
+"""Reference draw of random impacts, to which the laws' promises and the rates in `Law.breaks` refer.
 
 k² ~ U(0.02, 0.5), r ~ U(−1, 1)², μ ~ U(0, 1.5), ε ~ U(0, 1), m = 1; contact velocity v_t ~ N(0, 1), v_n ~ −|N(0, 1)|,
-and ω ~ N(0, 1), on which no impulse depends.  Lengths are then counted in radii of gyration, r/k and k ω, so that
-impacts of bodies with different k fit in one call (K depends on r/k alone).
+and ω ~ N(0, 1), on which no impulse depends.  Lengths are then scaled by the radius of gyration, r/k and k ω, so that
+impacts of bodies with different k fit in one call (K depends only on r/k).
 
-In space the body's second moments ∫ x_i² dm / m along three random axes are ~ U(0.01, 0.25), so that k² about each of
-them is their sum as above, r ~ U(−1, 1)³, and both components of the slip are ~ N(0, 1).
+In space the body's second moments ∫ x_i² dm / m along three random axes are ~ U(0.01, 0.25); k² about an axis is the
+sum of the other two, in the range above.  r ~ U(−1, 1)³, and both components of the slip are ~ N(0, 1).
 """
 
 from collections.abc import Sequence
@@ -19,12 +19,12 @@ from thesis_lib.contact.space import contact_space
 from thesis_lib.mechanics.contact import Contact, contact_at
 from thesis_lib.mechanics.space import SPACE, rotation_matrix
 
-LARGE_MU = 1e3  # stands for infinite friction; a stick impulse outside even this cone is left out
+LARGE_MU = 1e3  # represents infinite friction; impacts whose stick impulse lies outside even this cone are left out
 
 
 @dataclass(frozen=True)
 class ImpactDraws:
-    """n random impacts with mass 1, in the plane with radius of gyration 1, in space with inertia (n, 3, 3) in m²."""
+    """Random impacts (n) of mass 1, in the plane with radius of gyration 1, in space with inertia (n, 3, 3) in m²."""
 
     v_pre: np.ndarray
     r: np.ndarray
@@ -46,11 +46,11 @@ class ImpactDraws:
 
     @property
     def body(self) -> dict[str, Any]:
-        """Properties of the bodies that a law takes."""
+        """Properties of the bodies, as arguments of a law."""
         return {"mass": 1.0} | ({"k_g": 1.0} if self.inertia is None else {"inertia": self.inertia})
 
     def mirrored(self) -> "ImpactDraws":
-        """The same impacts in a mirror that holds the normal: x changes sign."""
+        """The impacts mirrored at the plane x = 0, which contains the normal: x changes sign."""
         if self.inertia is None:
             return replace(self, v_pre=self.v_pre * [-1, 1, -1], r=self.r * [-1, 1])
         x = np.array([-1, 1, 1])
@@ -73,7 +73,7 @@ class ImpactDraws:
 
 
 def reference_draw(rng: np.random.Generator, n: int, *, central: bool = False) -> ImpactDraws:
-    """n impacts of the reference draw; `central` puts the centre of mass above the contact (r_x = 0)."""
+    """Reference draw of n impacts in the plane; `central` puts the centre of mass above the contact (r_x = 0)."""
     k_g = np.sqrt(rng.uniform(0.02, 0.5, n))
     r = rng.uniform(-1.0, 1.0, (n, 2)) * ([0.0, 1.0] if central else [1.0, 1.0]) / k_g[:, None]
     v_t, v_n, omega = rng.standard_normal(n), -np.abs(rng.standard_normal(n)), rng.standard_normal(n)
@@ -82,7 +82,7 @@ def reference_draw(rng: np.random.Generator, n: int, *, central: bool = False) -
 
 
 def reference_draw_in_space(rng: np.random.Generator, n: int, *, central: bool = False) -> ImpactDraws:
-    """n impacts in space; `central` puts the centre of mass above the contact, with the same inertia for all slips."""
+    """Reference draw of n impacts in space; `central`: centre of mass above contact, equal inertia for all slips."""
     moments = rng.uniform(0.01, 0.25, (n, 3))
     if central:
         moments[:, 1] = moments[:, 0]
@@ -103,7 +103,7 @@ def size(components: Sequence[np.ndarray] | np.ndarray) -> np.ndarray:
 
 
 def violation(promise: Promise, law: Law, draw: ImpactDraws, central: ImpactDraws, factor: np.ndarray) -> np.ndarray:
-    """How far each impact of a draw is from keeping a promise, relative to its speed or energy; 0 or less: kept.
+    """Violation of a promise in each impact of a draw, relative to its speed or energy; 0 or less: kept.
 
     `central` is a draw with r_x = 0, `factor` > 0 scales the velocities of `draw`.  Impacts to which a promise
     does not apply are left out, so the length varies.

@@ -1,13 +1,13 @@
-"""Contract of every impact law, whoever wrote it: the library's are tested by the same checks as a user's.
+"""Contract of every impact law: the same checks test the laws of the library and of users.
 
-Each check resolves random impacts, most of them those of the reference draw (`impact_draws`), in the plane or in space.
-In space there are two more.  A turn about the normal by ψ, R its matrix, turns velocity and compliance of the contact,
-and so the impulse:
+Each check resolves random impacts, mostly the reference draw (`impact_draws`), in the plane or in space.  Two further
+checks apply in space.  A rotation R about the normal rotates velocity and compliance of the contact, and therefore the
+impulse:
 
     v → R v,    K → R K Rᵀ,    c → R c.
 
-An impact in a plane is one in space with slip, r and the couple of all else in that plane: K has no element between the
-plane and the direction across it, whose own compliance does not matter.
+A planar impact is an impact in space whose slip and lever r lie in one plane and that causes no motion across it: K
+does not couple the plane with the direction across it, and the compliance across it does not matter.
 """
 
 import functools
@@ -22,7 +22,7 @@ from thesis_lib.extensions.impact_draws import ImpactDraws, reference_draw, refe
 from thesis_lib.mechanics.contact import Contact
 from thesis_lib.mechanics.space import PLANE, SPACE
 
-# Impacts of the draw: in the plane as in the published constraint summary that the rates are compared with.
+# Numbers of impacts: in the plane as in the published constraint summary, with which the rates are compared.
 # KEPT is relative to the speed (or energy) before impact: rounding, amplified by the condition of M_C (r/k up to 10),
 # reaches 5e-13 in 600 000 impacts; of true violations less than 1 in 10 000 is below 1e-6.
 N_REFERENCE = 20_000
@@ -30,49 +30,49 @@ N_IN_SPACE = 2_000
 SIGMAS = 4.0  # binomial: one false alarm in 16 000 rates
 RATE_DIGITS = 5e-4  # the rates in `breaks` have three digits
 ROUNDING = 1e-12  # two evaluations of the same formulas in another order, relative to the speed
-UNITS = 1e-10  # the same in other units of mass and length
-# the body of the checks that need just one: principal moments per mass in m², in its radii of gyration
+UNITS = 1e-10  # tolerance for other units of mass and length
+# body of the checks that need only one: principal moments per mass in units of its radius of gyration squared
 BODY = np.diag([0.8, 1.0, 1.3])
-PARALLEL = 1.3  # compliance across a plane over that along it; any positive number would do
+PARALLEL = 1.3  # compliance across a plane over compliance along it; any positive number would do
 
 
 def drawn(rng: np.random.Generator, n: int, dimension: int, central: bool = False) -> ImpactDraws:
-    """n impacts of the reference draw in 2 or 3 dimensions."""
+    """Reference draw of n impacts in 2 or 3 dimensions."""
     return (reference_draw if dimension == 2 else reference_draw_in_space)(rng, n, central=central)
 
 
 @functools.cache
 def reference(dimension: int = 2, *, central: bool = False) -> ImpactDraws:
-    """The reference draw, or that with the centre of mass above the contact; do not write into it."""
+    """Reference draw, if `central` with the centre of mass above the contact; cached, so do not write into it."""
     n = N_REFERENCE if dimension == 2 else N_IN_SPACE
     return drawn(np.random.default_rng(2 if central else 1), n, dimension, central)
 
 
 def few(n: int = 40, dimension: int = 2) -> ImpactDraws:
-    """A few impacts."""
+    """Small draw of n impacts."""
     return drawn(np.random.default_rng(20180608), n, dimension)
 
 
 def band(rate: float, n: int) -> float:
-    """Half-width within which a rate measured on n impacts agrees with `rate`."""
+    """Half-width of the interval in which a rate measured on n impacts agrees with `rate`."""
     return SIGMAS * np.sqrt(rate * (1.0 - rate) / n) + RATE_DIGITS
 
 
 def declared(law: Law) -> str:
-    """Title and source, and each promise kept or broken at a rate."""
+    """Check title, source, and that each promise is either kept or broken at a stated rate."""
     if not law.title or not law.reference:
-        return "title and reference must say what it is and where it is from"
+        return "title and reference must describe the law and its source"
     if both := law.promises & law.breaks.keys():
-        return f"promises and breaks both hold {_names(both)}"
+        return f"promises and breaks both contain {_names(both)}"
     if missing := set(Promise) - law.promises - law.breaks.keys():
-        return f"neither promises nor breaks holds {_names(missing)}"
+        return f"neither promises nor breaks contains {_names(missing)}"
     for field in ("breaks", "breaks_in_space"):
         if wrong := [promise for promise, rate in getattr(law, field).items() if not 0.0 < rate <= 1.0]:
-            return f"{field} must be shares above 0 and at most 1; not so for {_names(wrong)}"
+            return f"{field} must give shares above 0 and at most 1; wrong for {_names(wrong)}"
     if not law.dimensions or not law.dimensions <= {2, 3}:
         return "dimensions must be {2}, {3} or {2, 3}"
     if 3 in law.dimensions and (missing := law.breaks.keys() - law.breaks_in_space.keys()):
-        return f"breaks_in_space must say how often it breaks {_names(missing)} in space"
+        return f"breaks_in_space must state how often it breaks {_names(missing)} in space"
     return ""
 
 
@@ -81,7 +81,7 @@ def _names(promises) -> str:
 
 
 def always_solves(law: Law, dimension: int = 2) -> str:
-    """Every impact of the reference draw has a finite impulse."""
+    """Check that every impact of the reference draw has a finite impulse."""
     draw = reference(dimension)
     failed = int(np.sum(draw.resolve(law).status != Status.OK))
     return f"the impulse is not finite in {failed} of {len(draw.mu)} random impacts" if failed else ""
@@ -100,7 +100,7 @@ def _accuracy(law: Law, dimension: int) -> float:
 
 
 def keeps_its_promises(law: Law, dimension: int = 2) -> str:
-    """What it promises holds in every impact, what it breaks it breaks at its stated rate."""
+    """Check that promises hold in every impact, and that the others are broken at their stated rates."""
     field, breaks = ("breaks", law.breaks) if dimension == 2 else ("breaks_in_space", law.breaks_in_space)
     for promise in Promise:
         share = broken_share(law, promise, dimension)
@@ -111,23 +111,23 @@ def keeps_its_promises(law: Law, dimension: int = 2) -> str:
         n = len(reference(dimension).mu)
         if promise in breaks and abs(share - breaks[promise]) > band(breaks[promise], n):
             rate = breaks[promise]
-            return f"it says that it breaks {said} in a share of {rate:.3g} of impacts; measured: {share:.3g}"
+            return f"it states that it breaks {said} in a share of {rate:.3g} of impacts; measured: {share:.3g}"
     return ""
 
 
 def mirror_symmetric(law: Law, dimension: int = 2) -> str:
-    """In a mirror that holds the normal (c_t, c_n) turns into (−c_t, c_n), wherever the impulse pushes."""
+    """Check that mirroring x turns (c_t, c_n) into (−c_t, c_n), wherever the impulse pushes."""
     draw = reference(dimension)
     out, mirrored = draw.resolve(law), draw.mirrored().resolve(law)
     x = [-1, 1] if dimension == 2 else [-1, 1, 1]
     tolerance = ROUNDING if dimension == 2 else _accuracy(law, dimension)
     away = np.abs(mirrored.impulse - out.impulse * x).max(axis=1) > tolerance * draw.speed
     wrong = int(np.sum((away & (out.impulse[:, -1] >= 0.0)) | (mirrored.status != out.status)))
-    return f"in {wrong} of {len(draw.mu)} impacts the mirrored one has not the mirrored impulse" if wrong else ""
+    return f"in {wrong} of {len(draw.mu)} impacts the mirrored impact lacks the mirrored impulse" if wrong else ""
 
 
 def ignores_units(law: Law, dimension: int = 2) -> str:
-    """Mass and length in other units give the same; μ of the viscous variant keeps its unit here."""
+    """Check that other units of mass and length give the same; μ of the viscous variant keeps its unit here."""
     draw, mass, length = reference(dimension), 0.05, 0.02
     out = draw.resolve(law)
     v_pre, r = np.array(draw.v_pre), draw.r * length
@@ -136,12 +136,12 @@ def ignores_units(law: Law, dimension: int = 2) -> str:
     other = law(v_pre, r, mass=mass, **body, mu=draw.mu, epsilon=draw.epsilon)
     scale, tolerance = draw.speed[:, None], UNITS if dimension == 2 else _accuracy(law, dimension)
     if not np.allclose(other.impulse / mass / scale, out.impulse / scale, rtol=0.0, atol=tolerance, equal_nan=True):
-        return "with mass and lengths in other units the impulse is another one: a constant in it has a unit"
+        return "in other units of mass and length the impulse is different: a constant in it has a unit"
     return ""
 
 
 def keeps_momentum(law: Law, dimension: int = 2) -> str:
-    """v⁺ − v = M⁻¹ Jᵀ c, in SI units of a real body."""
+    """Check that v⁺ − v = M⁻¹ Jᵀ c, in SI units for a real body."""
     n, mass, k_g, space = 2000, 0.0364, 0.0192, PLANE if dimension == 2 else SPACE
     rng = np.random.default_rng(20180608)
     v_pre = rng.standard_normal((n, space.motions)) * np.repeat([1.0, 20.0], [dimension, space.turns])
@@ -152,30 +152,30 @@ def keeps_momentum(law: Law, dimension: int = 2) -> str:
     turned = couple / k_g**2 if dimension == 2 else np.linalg.solve(k_g**2 * BODY, couple.T).T
     change = np.concatenate([out.impulse, turned], axis=1) / mass
     same = np.allclose(out.v_post - v_pre, change, rtol=1e-9, atol=1e-10, equal_nan=True)
-    return "" if same else "the velocity after impact is not that which the impulse gives"
+    return "" if same else "the velocity after impact does not follow from the impulse"
 
 
 def elastic_without_friction(law: Law, dimension: int = 2) -> str:
-    """ε = 1 and μ = 0 keep the energy, α = 1 exactly, for every law that is frictionless at μ = 0."""
+    """Check that ε = 1 and μ = 0 conserve energy, α = 1 exactly, for every law that is frictionless at μ = 0."""
     draw, breaks = reference(dimension), law.breaks if dimension == 2 else law.breaks_in_space
     alpha = draw.space.alpha(*draw.impulse(law, mu=0.0, epsilon=1.0))
     if Promise.FRICTIONLESS not in breaks and not np.all(np.abs(alpha - 1.0) <= _accuracy(law, dimension)):
-        return "with ε = 1 and μ = 0 it does not keep the energy, though it is frictionless there"
+        return "with ε = 1 and μ = 0 it does not conserve energy, though it is frictionless there"
     return ""
 
 
 def takes_batches(law: Law, dimension: int = 2) -> str:
-    """n impacts at once, one at a time, and a grid of parameters (G, 1) agree; none give none."""
+    """Check that n impacts at once, one at a time, and a grid of parameters (G, 1) agree; also for n = 0."""
     impacts = few(dimension=dimension)
     out = impacts.resolve(law, mu=0.4, epsilon=0.6)
     if not np.array_equal(impacts.resolve(law, mu=np.full(40, 0.4), epsilon=np.full(40, 0.6)).v_post, out.v_post):
-        return "one μ and ε for all impacts, and the same for each, give different outcomes"
+        return "single numbers μ and ε, and arrays with the same values, give different outcomes"
     for i in range(40):
         row = impacts[i : i + 1].resolve(law, mu=0.4, epsilon=0.6)
         if row.status[0] != out.status[i] or not np.allclose(row.impulse[0], out.impulse[i], rtol=1e-10, atol=1e-12):
-            return "an impact alone and the same among others have different outcomes"
+            return "an impact alone and the same impact among others have different outcomes"
     if impacts[:0].resolve(law, mu=0.3, epsilon=0.5).v_post.shape != (0, impacts.v_pre.shape[1]):
-        return "no impacts must give no outcomes"
+        return "zero impacts must give zero outcomes"
     seven, mu, epsilon = few(7, dimension), np.array([[0.1], [0.5], [1.2]]), np.array([[0.2], [0.5], [0.9]])
     c = law.impulse(seven.space, mu, epsilon)
     if np.broadcast_shapes(*(np.shape(part) for part in c)) != (3, 7):
@@ -184,12 +184,12 @@ def takes_batches(law: Law, dimension: int = 2) -> str:
         row = seven.resolve(law, mu=mu[i, 0], epsilon=epsilon[i, 0]).impulse
         grid = np.stack([np.broadcast_to(part, (3, 7))[i] for part in c], axis=-1)
         if not np.allclose(grid, row, rtol=1e-9, atol=1e-12):
-            return "a grid of parameters and single ones give different impulses"
+            return "a grid of parameters and single parameters give different impulses"
     return ""
 
 
 def keeps_arguments(law: Law, dimension: int = 2) -> str:
-    """Nothing is written into what the law is given."""
+    """Check that the law does not modify its arguments."""
     impacts = few(dimension=dimension)
     given = (impacts.v_pre, impacts.r, impacts.mu, impacts.epsilon)
     before = [array.copy() for array in given]
@@ -203,20 +203,20 @@ def keeps_arguments(law: Law, dimension: int = 2) -> str:
 
 
 def leaves_what_does_not_approach(law: Law, dimension: int = 2) -> str:
-    """A contact with v_n ≥ 0 gets no impulse."""
+    """Check that a contact with v_n ≥ 0 gets no impulse."""
     v, r, body = _three_alike(dimension)
     for v_n in (0.0, 0.7):
         v[0, dimension - 1] = v_n
         out = law(v[:2], r[:2], **body, mu=0.4, epsilon=0.5)
         if out.status.tolist() != [Status.NOT_APPROACHING, Status.OK] or np.any(out.impulse[0] != 0.0):
-            return "a contact that does not approach must have no impulse, and spare the others"
+            return "a contact that does not approach must get no impulse, and must not affect the others"
         if not out.impulse[1, -1] > 0.0:
             return "a contact that approaches must be pushed"
     return ""
 
 
 def marks_invalid_states(law: Law, dimension: int = 2) -> str:
-    """NaN or infinity in one state is marked, and spares the others."""
+    """Check that a state with NaN or infinity is marked as invalid and does not affect the others."""
     for bad in (np.nan, np.inf, -np.inf):
         v, r, body = _three_alike(dimension)
         for state in (v, r):
@@ -230,7 +230,7 @@ def marks_invalid_states(law: Law, dimension: int = 2) -> str:
 
 
 def _three_alike(dimension: int) -> tuple[np.ndarray, np.ndarray, dict]:
-    """Three times the same impact: velocities without spin, contact points, and what a law is given of the body."""
+    """Three copies of one impact: velocities without spin, contact points, and properties of the body for a law."""
     if dimension == 2:
         return np.tile([0.6, -2.5, 0.0], (3, 1)), np.tile([0.1, -0.2], (3, 1)), {"mass": 1.0, "k_g": 0.3}
     v, r = np.tile([0.6, 0.3, -2.5, 0.0, 0.0, 0.0], (3, 1)), np.tile([0.1, -0.15, -0.2], (3, 1))
@@ -238,16 +238,16 @@ def _three_alike(dimension: int) -> tuple[np.ndarray, np.ndarray, dict]:
 
 
 def turns_with_the_surface(law: Law, draw: ImpactDraws) -> str:
-    """Impacts turned about the normal have turned impulses."""
+    """Check that impacts rotated about the normal have rotated impulses."""
     contact, R = draw.space, _about_the_normal(len(draw.mu))
     c = np.stack(law.impulse(contact, draw.mu, draw.epsilon))
     found = law.impulse(_turned(contact, R), draw.mu, draw.epsilon)
     wrong = _differ(law, found, np.einsum("ijn,jn->in", R, c), draw)
-    return f"turned about the normal, {wrong} of {len(draw.mu)} impacts have not the turned impulse" if wrong else ""
+    return f"rotated about the normal, {wrong} of {len(draw.mu)} impacts lack the rotated impulse" if wrong else ""
 
 
 def embeds_the_plane(law: Law, draw: ImpactDraws) -> str:
-    """An impact in a plane, however that is turned about the normal, has the impulse of that in the plane."""
+    """Check that an impact in a plane, at any angle about the normal, has the impulse of the planar law."""
     if 2 not in law.dimensions:
         return ""
     plane, R = draw.space, _about_the_normal(len(draw.mu))
@@ -257,11 +257,11 @@ def embeds_the_plane(law: Law, draw: ImpactDraws) -> str:
     embedded = _turned(Contact(np.stack([plane.v_t, zero, plane.v_n]), K), R)
     expected = np.einsum("ijn,jn->in", R, np.stack([c_t, zero, c_n]))
     wrong = _differ(law, law.impulse(embedded, draw.mu, draw.epsilon), expected, draw)
-    return f"in {wrong} of {len(draw.mu)} impacts in a plane the impulse in space is another one" if wrong else ""
+    return f"in {wrong} of {len(draw.mu)} impacts in a plane the impulse in space is different" if wrong else ""
 
 
 def _about_the_normal(n: int) -> np.ndarray:
-    """Turns (3, 3, n) about the normal by angles of all sizes, every other by none."""
+    """Rotation matrices (3, 3, n) about the normal by angles of all sizes, every other by zero."""
     angle = np.linspace(-np.pi, np.pi, n) * (np.arange(n) % 2)
     cos, sin, zero = np.cos(angle), np.sin(angle), np.zeros(n)
     return np.array([[cos, -sin, zero], [sin, cos, zero], [zero, zero, zero + 1.0]])
@@ -272,7 +272,7 @@ def _turned(contact: Contact, R: np.ndarray) -> Contact:
 
 
 def _differ(law: Law, found: Sequence[np.ndarray], expected: np.ndarray, draw: ImpactDraws) -> int:
-    """Number of impacts whose impulse differs from what is expected."""
+    """Number of impacts whose impulse differs from the expected impulse."""
     tolerance = _accuracy(law, 3) * draw.speed
     return int(np.sum(~(np.abs(np.stack(found) - expected).max(axis=0) <= tolerance)))
 
@@ -280,28 +280,28 @@ def _differ(law: Law, found: Sequence[np.ndarray], expected: np.ndarray, draw: I
 # in the plane and in space
 _CHECKS: tuple[tuple[str, Callable[..., str]], ...] = (
     ("solves every impact", always_solves),
-    ("keeps its promises, and breaks the others as often as it says", keeps_its_promises),
+    ("keeps its promises, and breaks the others as often as stated", keeps_its_promises),
     ("gives a mirrored impact the mirrored impulse", mirror_symmetric),
     ("does not depend on the units of mass and length", ignores_units),
     ("gives the velocity that follows from its impulse", keeps_momentum),
-    ("keeps the energy where nothing takes it", elastic_without_friction),
+    ("keeps the energy if nothing dissipates it", elastic_without_friction),
     ("takes one impact, many, and grids of parameters", takes_batches),
-    ("leaves its arguments as they are", keeps_arguments),
-    ("leaves a contact alone that does not approach", leaves_what_does_not_approach),
-    ("marks an invalid state and spares the others", marks_invalid_states),
+    ("leaves its arguments unchanged", keeps_arguments),
+    ("gives no impulse to a contact that does not approach", leaves_what_does_not_approach),
+    ("marks an invalid state and resolves the others", marks_invalid_states),
 )
 LAW_CHECKS: tuple[Check[Law], ...] = (
-    Check("says where it is from, what it promises and what it breaks", declared),
+    Check("states its source, its promises and what it breaks", declared),
     *(Check(name, find) for name, find in _CHECKS),
 )
 SPACE_CHECKS: tuple[Check[Law], ...] = (
     *(Check(f"in space, {name}", functools.partial(find, dimension=3)) for name, find in _CHECKS),
-    Check("in space, turns the impulse with the impact", lambda law: turns_with_the_surface(law, reference(3))),
-    Check("in space, is that of the plane for impacts in a plane", lambda law: embeds_the_plane(law, reference())),
+    Check("in space, rotates the impulse with the impact", lambda law: turns_with_the_surface(law, reference(3))),
+    Check("in space, equals the planar law for impacts in a plane", lambda law: embeds_the_plane(law, reference())),
 )
 
 
 def checks_of(law: Law) -> tuple[Check[Law], ...]:
-    """The checks of a law, by the dimensions in which it holds."""
+    """Checks that apply to a law, by the dimensions in which it holds."""
     in_plane = LAW_CHECKS if 2 in law.dimensions else LAW_CHECKS[:1]
     return (*in_plane, *SPACE_CHECKS) if 3 in law.dimensions else in_plane

@@ -1,6 +1,6 @@
-"""Effects and laws of one's own: from a file that is named, or from installed packages that offer them.
+"""User-defined effects and laws: loaded from named files, or from installed packages that offer them.
 
-A file is a Python program that binds one of these names, or one of effects and one of laws:
+A file is a Python program that binds one of these names, or one name for effects and one for laws:
 
     EFFECT = MyEffect()        EFFECTS = (First(), Second())        LAW = Law(...)        LAWS = (one, other)
 
@@ -10,10 +10,10 @@ a tuple of them, or a module like such a file:
     [project.entry-points."thesis_lib.effects"]
     sticky = "my_package.sticky:EFFECT"
 
-Loading runs code with the rights of the user.  So a file runs only if its path was given, never because it lies
-somewhere; that it runs is said before; and nothing runs out of a folder that holds data, which may be a stranger's.
-Whatever is loaded meets the contracts of the library, or is refused.  The SHA-256 by which results name a file is that
-of the file alone, not of modules that it imports; that of a package is of all its Python files.
+Loading runs code with the permissions of the user.  Therefore a file runs only if its path was given, never because of
+its location; a note is printed before it runs; and no code runs from a folder with data, which may be a stranger's.
+Effects and laws that do not satisfy the contracts of the library are rejected.  The SHA-256 that identifies a file in
+results covers this file alone, not the modules that it imports; for a package it covers all its Python files.
 """
 
 import contextlib
@@ -36,23 +36,23 @@ from thesis_lib.foundation.errors import UserError
 from thesis_lib.foundation.regular_file import FileProblem, read_bytes
 
 MAX_CODE = 1_000_000  # bytes; the longest module of the library has 20 kB
-MAX_NAME = 200  # characters
+MAX_NAME = 200  # characters in the name of a file
 GROUPS = ("thesis_lib.effects", "thesis_lib.laws")
 KINDS = (("EFFECT", "EFFECTS", Effect), ("LAW", "LAWS", Law))
-REQUIRED = {"EFFECT": ("name", "family", "title", "equation", "parameters"), "LAW": ()}  # what has no default
+REQUIRED = {"EFFECT": ("name", "family", "title", "equation", "parameters"), "LAW": ()}  # have no default
 Say = Callable[[str], None]
 
 
 def load(files: Iterable[str | Path] = (), *, data: Iterable[str | Path] = (), say: Say) -> list[dict[str, str]]:
-    """Add what installed packages offer, and what files hold, to the library; for JSON: all that was added.
+    """Add effects and laws of installed packages and files to the library; return all additions for JSON.
 
     Args:
         files: paths of Python files.
-        data: files must not lie in these folders, either.
-        say: called with what a user should know before it happens.
+        data: further folders in which the files must not lie.
+        say: called with a note before a file runs.
 
     Raises:
-        UserError: a file that is none, lies in a folder with data, fails, holds no effect or law, or breaks a contract.
+        UserError: a file is missing, lies in a folder with data, fails, has no effect or law, or breaks a contract.
     """
     for loaded in (*installed(), *(read_file(path, data=data, say=say) for path in files)):
         require_free(loaded)
@@ -62,7 +62,7 @@ def load(files: Iterable[str | Path] = (), *, data: Iterable[str | Path] = (), s
 
 
 def read_file(path: str | Path, *, data: Iterable[str | Path] = (), say: Say) -> Loaded:
-    """Run a file, and return the effects and laws that it holds; errors as in `load`."""
+    """Run a file, and return the effects and laws that it defines; errors as in `load`."""
     path = Path(path)
     require_outside_of_data(path, data)
     if path.suffix != ".py":
@@ -70,7 +70,7 @@ def read_file(path: str | Path, *, data: Iterable[str | Path] = (), say: Say) ->
             path, "is not a Python file (.py)", "give the file with your effects; --effect NAME takes a name"
         )
     if len(path.name) > MAX_NAME or not path.name.isprintable() or "\\" in path.name:
-        raise FileProblem(path, "has a name that reports could not show", "give it a short, plain one")
+        raise FileProblem(path, "has a name that reports could not show", "rename it to a short, plain name")
     code = read_bytes(path, MAX_CODE)
     sha256 = hashlib.sha256(code).hexdigest()
     say(f"{path} is a program, which runs now with all your rights (SHA-256 {sha256[:12]}…)")
@@ -79,26 +79,26 @@ def read_file(path: str | Path, *, data: Iterable[str | Path] = (), say: Say) ->
 
 
 def require_outside_of_data(path: str | Path, data: Iterable[str | Path] = ()) -> None:
-    """Refuse a path inside a folder that holds a dataset, or inside one of the folders `data`, also by a link."""
+    """Reject a path inside a folder that holds a dataset, or inside one of the folders `data`, even through a link."""
     # as spelled, and where links lead; unlike Path.resolve, realpath survives a loop of links
     refused = {spelled for folder in data for spelled in (Path(folder).absolute(), Path(os.path.realpath(folder)))}
     for spelled in (Path(path).absolute(), Path(os.path.realpath(path))):
         for folder in spelled.parents:
             if folder in refused or holds_data(folder):
                 raise UserError(
-                    f"{path} lies in {folder}, a folder with data. Code out of a dataset never runs, because data are "
-                    "passed on by strangers: read it, and copy it to a folder of your own if you trust it."
+                    f"{path} lies in {folder}, a folder with data. Code out of a dataset never runs, because data may "
+                    "come from strangers: read it, and copy it to a folder of your own if you trust it."
                 )
 
 
 def _run(code: bytes, filename: str, name: str) -> ModuleType:
-    """Run the bytes that were read and hashed, whatever the file holds by then; leaves no compiled copy."""
-    if name in sys.modules:  # of the same bytes
+    """Run the bytes that were read and hashed, even if the file has changed since; leaves no compiled copy."""
+    if name in sys.modules:  # made from the same bytes
         return sys.modules[name]
-    module = sys.modules[name] = ModuleType(name)  # classes look their module up
+    module = sys.modules[name] = ModuleType(name)  # classes look up their module there
     module.__file__ = filename
     try:
-        with contextlib.redirect_stdout(sys.stderr):  # what it prints does not belong to the result
+        with contextlib.redirect_stdout(sys.stderr):  # its output does not belong to the result
             exec(compile(code, filename, "exec", dont_inherit=True), module.__dict__)
     except (Exception, SystemExit) as error:  # a program can raise anything
         del sys.modules[name]
@@ -107,23 +107,23 @@ def _run(code: bytes, filename: str, name: str) -> ModuleType:
 
 
 def _held(module: ModuleType, origin: Origin) -> Loaded:
-    """The effects and laws that a module binds; UserError if it binds none, or something else under these names."""
+    """Effects and laws that a module binds; UserError if there are none, or the names are bound to other objects."""
     found: list[tuple] = []
     for one, several, kind in KINDS:
         values = _as_tuple(getattr(module, one, ())) + _as_tuple(getattr(module, several, ()))
         for value in values:
             if not isinstance(value, kind):
-                hint = "; an instance is made by (): EFFECT = MyEffect()" if isinstance(value, type) else ""
+                hint = "; create an instance with (): EFFECT = MyEffect()" if isinstance(value, type) else ""
                 raise UserError(
-                    f"{origin}: {one} or {several} is bound to {type(value).__name__!r}, no {kind.__name__}{hint}."
+                    f"{origin}: {one} or {several} is bound to {type(value).__name__!r}, not {kind.__name__}{hint}."
                 )
             if missing := [name for name in REQUIRED[one] if not hasattr(value, name)]:
                 raise UserError(f"{origin}: {type(value).__name__} lacks {', '.join(missing)}.")
         found.append(tuple(one for i, one in enumerate(values) if not any(one is other for other in values[:i])))
     if not any(found):
         raise UserError(
-            f"{origin} binds none of EFFECT, EFFECTS, LAW and LAWS, so that it adds nothing. "
-            "python -m thesis_lib effects --new NAME writes a file that does."
+            f"{origin} binds none of EFFECT, EFFECTS, LAW and LAWS, so it adds nothing. "
+            "thesis-lib effects --new NAME writes a file that does."
         )
     return Loaded(origin, *found)
 
@@ -133,7 +133,7 @@ def _as_tuple(value: object) -> tuple:
 
 
 def results(loaded: Loaded, described: bool = True) -> Iterator[tuple[str, str, list[CheckResult]]]:
-    """Kind, name and outcomes of each effect and law; `described`: look also at what is said of them."""
+    """Kind, name and check results of each effect and law; `described`: also check their documentation."""
     for effect in loaded.effects:
         checks = [check for check in effect_contract.checks_of(effect) if described or not check.describes]
         yield "effect", effect.name, outcomes(checks, effect)
@@ -142,14 +142,14 @@ def results(loaded: Loaded, described: bool = True) -> Iterator[tuple[str, str, 
 
 
 def require_contracts(loaded: Loaded) -> None:
-    """Refuse effects and laws that break a contract, or do nothing; what is said of them is not looked at here."""
+    """Reject effects and laws that break a contract or do nothing; their documentation is not checked here."""
     for kind, name, found in results(loaded, described=False):
         for outcome in found:
             if outcome.verdict != "pass":
-                fails = f"fails a check ({outcome.check})" if outcome.verdict == "FAIL" else "cannot be looked for yet"
+                fails = f"fails a check ({outcome.check})" if outcome.verdict == "FAIL" else "cannot be tested yet"
                 raise UserError(
                     f"{loaded.origin}: the {kind} {name} {fails}: {outcome.reason}. "
-                    "python -m thesis_lib effects --check FILE.py tells what every check says."
+                    "thesis-lib effects --check FILE.py prints the result of every check."
                 )
 
 
@@ -162,7 +162,7 @@ def installed() -> list[Loaded]:
     for distribution, offered in _offers():
         package, version = distribution.metadata["Name"], distribution.version
         if not (re.match(PACKAGE, package) and re.match(VERSION, version)):
-            raise UserError(f"The installed package {package!r} {version!r} has a name or a version that is none.")
+            raise UserError(f"The installed package {package!r} {version!r} has an invalid name or version.")
         values: list[tuple[importlib.metadata.EntryPoint, object]] = []
         for point in sorted(offered, key=lambda point: (point.group, point.name)):
             try:
@@ -170,7 +170,7 @@ def installed() -> list[Loaded]:
             except (Exception, SystemExit) as error:
                 raise UserError(
                     f"The installed package {package} {version} offers {point.name} to {point.group}, which cannot be "
-                    f"loaded: {raised(error)}. Repair the package, or take it away: python -m pip uninstall {package}"
+                    f"loaded: {raised(error)}. Repair the package, or remove it: python -m pip uninstall {package}"
                 ) from error
         sha256 = _code_sha256({point.module.partition(".")[0] for point in offered})
         origin = Origin(sha256=sha256, package=package, version=version)
@@ -188,22 +188,22 @@ def installed() -> list[Loaded]:
 
 
 def _offers() -> list[tuple[importlib.metadata.Distribution, list[importlib.metadata.EntryPoint]]]:
-    """Installed packages that offer something, by name; the folder in which a command is started is not searched.
+    """Installed packages that offer effects or laws, by name; the current folder is not searched.
 
-    That folder may hold a stranger's data, and beside them what looks like an installed package.
+    That folder may hold a stranger's data together with files that look like an installed package.
     """
     here = os.path.realpath(os.curdir)
     path = [entry for entry in sys.path if entry and os.path.realpath(entry) != here and not holds_data(entry)]
     found: dict = {}
     for distribution in importlib.metadata.distributions(path=path):
         if offered := [point for point in distribution.entry_points if point.group in GROUPS]:
-            # of two versions the first on the path is the one that is imported
+            # of two versions Python imports the first on the path
             found.setdefault(distribution.metadata["Name"], (distribution, offered))
     return [found[name] for name in sorted(found)]
 
 
 def _code_sha256(modules: Iterable[str]) -> str:
-    """One SHA-256 over the Python files of imported modules or packages, by name."""
+    """Combined SHA-256 of the Python files of imported modules or packages, by name."""
     digest = hashlib.sha256()
     for name in sorted(modules):
         module = sys.modules[name]

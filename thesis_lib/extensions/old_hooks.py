@@ -1,6 +1,6 @@
-"""Effects that were written for earlier hooks: one error that shows each hook rewritten.
+"""Effects written for the hooks of an earlier version: one error message shows each hook rewritten.
 
-Hooks now take one contact and one state, components first.  What was given beside them stands in these:
+Hooks now take one contact and one state, components first, which contain the arguments of earlier versions:
 
 | before                                                        | now                                              |
 |---------------------------------------------------------------|--------------------------------------------------|
@@ -22,15 +22,15 @@ from thesis_lib.effects.effect import Effect
 
 SAME_NAMES = ("coefficients", "contact_time", "impulse", "contact_point")
 RENAMED = {"radius_of_gyration": "inertia"}
-# hooks whose arguments have kept their names: rows have become columns
+# hooks whose arguments have the same names as before, but with rows and columns exchanged
 BY_ROW = ("acceleration", "meet")
 _BY_ROW = re.compile(r"\[\s*(?:\.\.\.|:)\s*,\s*\d+\s*\]|axis\s*=\s*-?1|\.T\b|column_stack")
 
 
 def rewritten(effect: Effect, failing: Collection[str]) -> str:
-    """Code in place of the hooks of `effect` that were written for earlier versions; "" if none was.
+    """Code that replaces the hooks of `effect` written for earlier versions; "" if there are none.
 
-    `failing` names the hooks that fail: of those whose arguments have kept their names, only these are looked at.
+    `failing` names the hooks that fail: among hooks with unchanged argument names only these are considered.
     """
     found = []
     for name in (*SAME_NAMES, *RENAMED):
@@ -58,7 +58,7 @@ def _source(hook: object) -> str:
 
 
 def _rewritten(name: str, hook: object) -> str:
-    """The source of a hook as it should be now, as far as words can be replaced; without a source its head alone."""
+    """Source of a hook for this version, as far as words can be replaced; only its head if there is no source."""
     new = RENAMED.get(name, name)
     head = f"def {new}({', '.join(_arguments(getattr(Effect, new)))}):"
     body = re.sub(r"^\s*def \w+\(.*?\)[^:\n]*:[ \t]*\n?", "", _source(hook), count=1, flags=re.S)
@@ -68,7 +68,7 @@ def _rewritten(name: str, hook: object) -> str:
 
 
 def _words(name: str, body: str) -> str:
-    """The body of a hook in the new words."""
+    """Body of a hook with the names of this version."""
     body = re.sub(r"\bspace\b", "contact", body)
     body = re.sub(r"\bImpulse\(", "Impulse.planar(", body)
     body = re.sub(r"\bimpulse\.tau\b", "impulse.couple", body)

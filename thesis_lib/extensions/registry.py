@@ -1,7 +1,7 @@
-"""Effects and laws that are not the library's: where each came from, and how they join those of the library.
+"""Registry of user-defined effects and laws: their origins, and their addition to the library.
 
-They join `EFFECTS` and `LAWS` themselves, so that the critique, saved models and reports treat all alike; `ORIGINS` is
-what tells them from the library's.
+They are added to `EFFECTS` and `LAWS`, so that the critique, saved models and reports treat all alike; only
+`additions` distinguishes them from the effects and laws of the library.
 """
 
 import re
@@ -20,23 +20,23 @@ from thesis_lib.foundation.settings import Section
 Kind = Literal["effect", "law"]
 NAME = re.compile(r"[a-z][a-z0-9_]{0,59}")
 PACKAGE, VERSION = r"^[\w.-]*$", r"^[\w.!+-]*$"  # of an installed package
-# what tables and the critique call something else by: bounds, the model with effects, contacts that take time
+# names with another meaning in tables and in the critique: bounds, the model with effects, compliant contacts
 RESERVED = re.compile(r"augmented|best_post_hoc|irb_bound|no_impact|\w*_contact|\w*_as_published")
 
 
 class Origin(Section):
-    """Where effects and laws come from that are not the library's: a file or an installed package, the other is ""."""
+    """Origin of user-defined effects and laws: a file or an installed package; the other field is ""."""
 
-    # neither a path nor words: a message repeats them
+    # patterns exclude paths and sentences, because messages repeat these texts
     file: str = Field("", max_length=200, pattern=r"^([^/\\\x00-\x1f]+\.py)?$", description="its name, without folders")
     package: str = Field("", max_length=200, pattern=PACKAGE)
-    version: str = Field("", max_length=100, pattern=VERSION, description="of the package")
-    sha256: str = Field(pattern="^[0-9a-f]{64}$", description="of the file, or of the Python files of the package")
+    version: str = Field("", max_length=100, pattern=VERSION, description="version of the package")
+    sha256: str = Field(pattern="^[0-9a-f]{64}$", description="SHA-256 of the file or of the package's Python files")
 
     @model_validator(mode="after")
     def _is_from_somewhere(self) -> Self:
         if bool(self.file) == bool(self.package):
-            raise ValueError("it names a file or a package, not both")
+            raise ValueError("it must name either a file or a package, and not both")
         return self
 
     def __str__(self) -> str:
@@ -44,13 +44,13 @@ class Origin(Section):
 
     @property
     def remedy(self) -> str:
-        """How to load what comes from here."""
+        """Advice on how to load effects and laws of this origin."""
         if self.file:
             return f"if you trust that file, add --effects {self.file}, with the path to it"
         return f"if you trust that package, install it (python -m pip install {self.package})"
 
     def content(self) -> dict[str, str]:
-        """For JSON: what is known of the origin."""
+        """Nonempty fields of the origin, for JSON."""
         return {name: value for name, value in ({"sha256": self.sha256} | vars(self)).items() if value}
 
 
@@ -67,30 +67,30 @@ _ADDED: dict[tuple[Kind, str], Origin] = {}  # by kind and name, in the order in
 
 
 def additions() -> dict[tuple[Kind, str], Origin]:
-    """Where all that was added to the library comes from, by kind and name: effects first, in the order of names."""
+    """Origins of all additions to the library, by kind and name: effects first, in the order of names."""
     return {key: _ADDED[key] for key in sorted(_ADDED)}
 
 
 def contents() -> list[dict[str, str]]:
-    """`additions` for JSON."""
+    """List of `additions` for JSON."""
     return [{"kind": kind, "name": name} | origin.content() for (kind, name), origin in additions().items()]
 
 
 def added_laws() -> tuple[str, ...]:
-    """Names of the laws that were added, which the critique tries beside those of the library."""
+    """Names of the added laws, which the critique tests in addition to the laws of the library."""
     return tuple(name for kind, name in additions() if kind == "law")
 
 
 def origin_of(kind: Kind, name: str) -> Origin | None:
-    """Where an effect or a law comes from; None for those of the library, and for unknown ones."""
+    """Origin of an effect or a law; None for the library's own and for unknown names."""
     return _ADDED.get((kind, name))
 
 
 def add(loaded: Loaded) -> None:
-    """Let effects and laws join those of the library; what came from an earlier state of the same file is replaced.
+    """Add effects and laws to the library; those from an earlier version of the same file are replaced.
 
     Raises:
-        UserError: a name or title that cannot be used, or is taken; then none of them joins.
+        UserError: a name or title is invalid or taken; then none of them is added.
     """
     require_free(loaded)
     for (kind, name), origin in list(_ADDED.items()):
@@ -111,9 +111,9 @@ def _same_place(one: Origin, other: Origin) -> bool:
 
 
 def require_free(loaded: Loaded) -> None:
-    """Refuse names and titles that cannot be used, or that something from elsewhere has."""
+    """Reject names and titles that are invalid or already used by an effect or law of another origin."""
     origin = loaded.origin
-    taken: dict[str, str] = {}  # name or title -> whose it is
+    taken: dict[str, str] = {}  # name or title -> its owner
     libraries: tuple[tuple[Kind, Mapping[str, Effect | Law]], ...] = (("effect", EFFECTS), ("law", LAWS))
     for kind, library in libraries:
         for name, one in library.items():
@@ -127,8 +127,8 @@ def require_free(loaded: Loaded) -> None:
                 "most 60, that begins with a letter."
             )
         if kind == "law" and RESERVED.fullmatch(new.name):
-            raise UserError(f"{origin}: the name {new.name!r} has a meaning of its own; give your law another.")
+            raise UserError(f"{origin}: the name {new.name!r} is reserved; give your law another name.")
         for what, word in (("name", new.name), ("title", new.title)):
             if word in taken:
-                raise UserError(f"{origin}: the {what} {word!r} is that of {taken[word]}; give your {kind} another.")
+                raise UserError(f"{origin}: the {what} {word!r} is used by {taken[word]}; give your {kind} another.")
         taken |= dict.fromkeys((new.name, new.title), f"the {kind} {new.name} in it")

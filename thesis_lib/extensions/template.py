@@ -1,4 +1,4 @@
-"""A file to begin an effect with: it passes the checks and does nothing yet."""
+"""Template of an effect file: it passes the checks and does nothing yet."""
 
 from pathlib import Path
 
@@ -9,21 +9,21 @@ from thesis_lib.foundation.errors import UserError
 from thesis_lib.foundation.files import write_text
 
 TEMPLATE = '''\
-"""{title}: what it says of the contact, in one sentence.
+"""{title}: its physical meaning, in one sentence.
 
     ε ← ε (1 + h · 0)
 
 | on paper | in code | unit | shape |                                                          |
 |----------|---------|------|-------|----------------------------------------------------------|
-| h        | `h`     | 1    |       | what it stands for; 0 is a world without this effect     |
+| h        | `h`     | 1    |       | meaning of h; 0: the effect is absent                    |
 """
 
-# This file is an effect that does nothing yet.  It becomes yours in four steps:
-#   1. say what it is: title, equation, the table above, and where the equation comes from (reference);
-#   2. give each parameter a unit and limits: they are what a fit may try;
+# This file is an effect that does nothing yet.  Complete it in four steps:
+#   1. describe it: title, equation, the table above, and the source of the equation (reference);
+#   2. give each parameter a unit and limits, within which a fit may vary it;
 #   3. write the equation into the hook of the stage at which the effect acts;
-#   4. python -m thesis_lib effects --check {name}.py
-#      python -m thesis_lib critique DATA --effects {name}.py
+#   4. thesis-lib effects --check {name}.py
+#      thesis-lib critique DATA --effects {name}.py
 
 import numpy as np
 
@@ -33,13 +33,13 @@ from thesis_lib.effects.effect import Effect, Parameter
 class {camel}(Effect):
     name = "{name}"  # its key in model.json and diagnosis.json
     family = "contact_law"  # or geometry, inertia, surface, flight, measurement
-    title = "{title}"  # in figures and reports
+    title = "{title}"  # its name in figures and reports
     equation = "ε = ε₀ (1 + h · 0)"
     reference = "no source yet"
-    # null: where the effect is absent; low and high: beyond them it makes no sense; scale: a size that would matter
+    # null: where the effect is absent; low and high: physical limits; scale: a relevant size
     parameters = (Parameter("h", "1", null=0.0, low=-0.5, high=0.5, scale=0.1),)
-    # what it changes: "impact" (velocity after impact), "meet" (pose before against pose after), "touch" (gap at
-    # impact), "flight" (acceleration between impacts); without "impact" say needs_trajectories = True
+    # what it changes: "impact" (velocity after impact), "meet" (pose after minus pose before), "touch" (gap at
+    # impact), "flight" (acceleration between impacts); without "impact" set needs_trajectories = True
     channels = ("impact",)
     # Does a drop that is mirrored left to right have the mirrored outcome?  If not: breaks_mirror = True
 
@@ -48,18 +48,18 @@ class {camel}(Effect):
 
         contact: v_t, v_n (velocity of the contact point along and into the surface, m/s; v_n < 0), K_tt, K_nn, K_tn.
         state: x, y, theta, vx, vy, omega of the body (m, rad, m/s, rad/s), trial (number of the release), t (s);
-        count x, trial and t from rig.reference, and name them in `along`, as in along = ("x",).
+        count x, trial and t from rig.reference, and list them in `along`, as in along = ("x",).
         p: the parameters by name.  rig: shape, k_g (m), gravity (m/s²), height (m).
         """
-        change = 0.0 * contact.v_t  # yours goes here: np.abs(contact.v_t), np.cos(2.0 * state.theta), ...
+        change = 0.0 * contact.v_t  # put your term here: np.abs(contact.v_t), np.cos(2.0 * state.theta), ...
         return mu, np.clip(epsilon * (1.0 + p["h"] * change), 0.0, 1.0)
 
     # The other stages: to_true, to_measured, meet (camera), to_contact, from_contact, contact_point, gap,
     # inertia (body), contact_time, impulse (contact), acceleration (flight), and arc where that changes within
-    # 0.1 s.  What each is given and returns: python -c "from thesis_lib.effects.effect import Effect; help(Effect)"
-    # Bodies in space, too: dimensions = IN_SPACE, of thesis_lib.effects.effect
-    # Rules: return new arrays; use NumPy, no `if` on a parameter or a state (they may be arrays); what one of a pair
-    # does (to_contact) the other must undo (from_contact).
+    # 0.1 s.  Their arguments and results: python -c "from thesis_lib.effects.effect import Effect; help(Effect)"
+    # For bodies in space, too: dimensions = IN_SPACE, from thesis_lib.effects.effect
+    # Rules: return new arrays; use NumPy, no `if` on a parameter or a state (they may be arrays); in a pair such as
+    # to_contact and from_contact, each must be the inverse of the other.
 
 
 EFFECT = {camel}()
@@ -67,25 +67,25 @@ EFFECT = {camel}()
 
 
 def template(name: str) -> str:
-    """The text of a file with an effect of this name; UserError if the name cannot be used."""
+    """Text of a file with an effect of this name; UserError if the name cannot be used."""
     if not NAME.fullmatch(name):
         raise UserError(
-            f"--new {name[:60]}: a name has lower-case letters, digits and _, at most 60, and begins with a letter."
+            f"--new {name[:60]}: a name has at most 60 lower-case letters, digits and _, and begins with a letter."
         )
     if name in EFFECTS and origin_of("effect", name) is None:
-        raise UserError(f"--new {name}: the library has an effect of that name; choose another.")
+        raise UserError(f"--new {name}: the library has an effect of that name; choose another name.")
     words = name.split("_")
     camel = "".join(word.capitalize() for word in words)
     return TEMPLATE.replace("{title}", " ".join(words)).replace("{name}", name).replace("{camel}", camel)
 
 
 def write_template(name: str, path: Path) -> Path:
-    """Write the file; UserError if it is there already, or in a folder with data, from which nothing is loaded."""
+    """Write the file; UserError if it exists already, or is in a folder with data, from which nothing is loaded."""
     text = template(name)
     if path.exists() or path.is_symlink():
         raise UserError(f"{path} exists already and stays as it is; choose another name.")
     for folder in path.absolute().parents:
         if holds_data(folder):
-            raise UserError(f"{folder} holds data, and code is not loaded from there; go to another folder.")
+            raise UserError(f"{folder} holds data, and code is not loaded from there; change to another folder.")
     write_text(text, path)
     return path

@@ -1,1 +1,1 @@
-"""Functions from arrays and tables to (Figure, table of the plotted numbers); they read and write no files."""
+"""Functions that turn arrays and tables into (Figure, table of the plotted numbers); they read and write no files."""

@@ -1,4 +1,4 @@
-"""One long recording and the drops that were cut out of it, to be checked by eye."""
+"""Figure of one long recording and the drops that were cut out of it, for visual inspection."""
 
 import numpy as np
 import pandas as pd
@@ -6,16 +6,16 @@ import pandas as pd
 from thesis_lib.datasets.space.drops import Cuts
 from thesis_lib.figures.style import GREY, INK, Drawn, house_style, new_figure
 
-ROWS = 6  # strips that a long recording is shown in
+ROWS = 6  # largest number of strips into which a long recording is divided
 STRIP = 40.0  # s in a strip, unless there would be more than `ROWS`
 POINTS = 2000  # drawn per strip
-COLOURS = ("#0072B2", "#56B4E9")  # of drops that follow each other
+COLOURS = ("#0072B2", "#56B4E9")  # alternating, for successive drops
 LEFT_OUT = "#D55E00"
 
 
 @house_style
 def draw_cuts(cuts: Cuts) -> Drawn:
-    """Height of the body's lowest point over time: drops in blue with their numbers, those left out in orange."""
+    """Draw the height of the body's lowest point over time: drops in blue, numbered; excluded drops in orange."""
     duration = float(cuts.t[-1])
     rows = int(np.clip(np.ceil(duration / STRIP), 1, ROWS))
     figure = new_figure(height=0.5 + 1.2 * rows)

@@ -1,6 +1,6 @@
-"""One colour and line for each law and bound, the same in every figure.
+"""Colour and line style of each law and bound, the same in every figure.
 
-It is separate from `style`, so that a figure without laws does not depend on the laws' code.
+This module is separate from `style`, so that a figure without laws does not depend on the code of the laws.
 """
 
 from dataclasses import dataclass
@@ -10,7 +10,7 @@ from thesis_lib.contact import LAWS, SIX_LAWS
 
 @dataclass(frozen=True)
 class LineStyle:
-    """Look of one law or bound in every figure; colours and dashes each tell it from the others."""
+    """Style of one law or bound in every figure; colour and dashes are each sufficient to distinguish it."""
 
     label: str
     color: str
@@ -19,7 +19,7 @@ class LineStyle:
 
     @property
     def line(self) -> dict:
-        """Keywords for `Axes.plot`."""
+        """Keyword arguments for `Axes.plot`."""
         return {"color": self.color, "linestyle": self.dash, "label": self.label}
 
 
@@ -40,10 +40,10 @@ BOUND_STYLE = {
 
 
 def style_of(model: str) -> LineStyle:
-    """The look of a law (either variant) or bound.
+    """Return the style of a law (either variant) or bound.
 
     Raises:
-        KeyError: there is no such model.
+        KeyError: the model is unknown.
     """
     name = model.removesuffix("_as_published").removesuffix("_as_defined")
     return {**LAW_STYLE, **BOUND_STYLE}[name]

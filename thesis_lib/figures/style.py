@@ -1,10 +1,10 @@
-"""The shared look of all figures: one style sheet and one way to save (laws: `law_style`).
+"""Common style of all figures: one style sheet and one function to save them (laws: `law_style`).
 
 A figure function is wrapped in `house_style`, takes arrays and tables, and returns the figure and the table of the
 numbers drawn in it.  `save_figure` writes both; the bytes depend only on the content: no dates, no version numbers, no
 settings from the user's matplotlibrc.
 
-Figures are made without pyplot, so that they share no state and need no window system.
+Figures are made without pyplot, so they share no state and need no window system.
 """
 
 import functools
@@ -31,7 +31,7 @@ GREY, INK, SHADE = "0.55", "0.15", "#DCE6F0"
 # Okabe and Ito's colours, for colour-blind readers
 BLUE, RED, GREEN, VIOLET, YELLOW, SKY = "#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9"
 SHADES = LinearSegmentedColormap.from_list("shades", ["#ffffff", "#9ecae1", "#0072B2"])
-DARK = 0.55  # of `SHADES`; from there on a number is written in white
+DARK = 0.55  # position on `SHADES` above which numbers are written in white
 Drawn = tuple[Figure, pd.DataFrame]
 P = ParamSpec("P")
 T = TypeVar("T")
@@ -46,11 +46,11 @@ class ImpulseAxis:
 
     @classmethod
     def of(cls, mass_known: bool) -> "ImpulseAxis":
-        """mN s for hand-sized bodies of known mass, else N s per kg."""
+        """Return mN s for hand-sized bodies of known mass, otherwise N s per kg."""
         return cls(1e3, "mN s") if mass_known else cls(1.0, "N s/kg")
 
     def label(self, ax: Axes, *, x: bool = True, y: bool = True) -> None:
-        """Name the axes of tangential (x) and normal (y) impulse."""
+        """Label the axes of tangential (x) and normal (y) impulse."""
         if x:
             ax.set_xlabel(f"tangential impulse $c_t$ ({self.unit})")
         if y:
@@ -58,13 +58,13 @@ class ImpulseAxis:
 
 
 def _settings() -> dict:
-    # matplotlib's own template, then our sheet: a user's matplotlibrc must not change a figure
+    # matplotlib's own template, then our style sheet: a user's matplotlibrc must not change a figure
     rc = matplotlib.rc_params_from_file(SHEET, use_default_template=True)
     return {key: value for key, value in rc.items() if not key.startswith(("backend", "interactive", "toolbar"))}
 
 
 def house_style(function: Callable[P, T]) -> Callable[P, T]:
-    """Run a figure function under the shared style sheet."""
+    """Return a figure function that runs under the common style sheet."""
 
     @functools.wraps(function)
     def styled(*args: P.args, **kwargs: P.kwargs) -> T:
@@ -75,14 +75,14 @@ def house_style(function: Callable[P, T]) -> Callable[P, T]:
 
 
 class NotebookFigure(Figure):
-    """A figure that a notebook shows as it is saved, without pyplot."""
+    """A figure that notebooks display exactly as it is saved, without pyplot."""
 
     def _repr_png_(self) -> bytes:
         return png_of(self)
 
 
 def new_figure(width: float = WIDTH, height: float = 3.0, layout: str = "constrained") -> Figure:
-    """An empty figure of the given size in inches, without pyplot; call under `house_style`.
+    """Return an empty figure of the given size in inches, without pyplot; call under `house_style`.
 
     `layout` is "compressed" for a grid of panels of fixed aspect.
     """
@@ -93,7 +93,7 @@ def new_figure(width: float = WIDTH, height: float = 3.0, layout: str = "constra
 
 @house_style
 def png_of(figure: Figure) -> bytes:
-    """The figure as PNG; equal content gives equal bytes."""
+    """Return the figure as PNG; equal content gives equal bytes."""
     _settle(figure)
     file = io.BytesIO()
     figure.savefig(file, format="png", metadata={"Software": None})
@@ -102,13 +102,13 @@ def png_of(figure: Figure) -> bytes:
 
 @house_style
 def save_figure(figure: Figure, table: pd.DataFrame, path: str | Path, png: bytes | None = None) -> None:
-    """Write the picture `path` (.png, which may be left out), the same as .pdf and the plotted numbers as .csv.
+    """Write the picture `path` (.png, which may be omitted), the same as .pdf and the plotted numbers as .csv.
 
-    `png` is that of `png_of`, None: made here.  Equal content gives equal bytes.
+    `png` is the result of `png_of`; None: made here.  Equal content gives equal bytes.
 
     Raises:
-        KeyError: foundation/columns.yaml does not explain a column.  A figure of the run may have further columns,
-            explained by its record; the rule `provenance` checks them.
+        KeyError: foundation/columns.yaml does not explain a column.  Figures of the pipeline may have further columns,
+            which their records explain; the rule `provenance` checks these.
     """
     path = Path(path).with_suffix("")
     if not path.name.startswith("figure_"):
@@ -127,7 +127,7 @@ def save_figures(drawn: Mapping[str, Drawn], beside: str | Path) -> None:
 
 
 def _settle(figure: Figure) -> None:
-    """Fix the layout of a figure, once; without an engine a file takes one drawing instead of two.
+    """Compute the layout of a figure once; without a layout engine, saving draws the figure once instead of twice.
 
     Constrained layout continues from its last state, and with panels of fixed aspect it does not converge: the page,
     .png and .pdf of one figure would differ.
@@ -139,9 +139,9 @@ def _settle(figure: Figure) -> None:
 
 @contextmanager
 def _fonts_without_layout() -> Iterator[None]:
-    """Embed fonts without their tables of ligatures and kerning, which a PDF that places each glyph does not use.
+    """Embed fonts without their ligature and kerning tables, which are not needed if a PDF places each glyph.
 
-    To reduce these tables to the glyphs in use takes as long as all else in a figure, and matplotlib has no option.
+    Reducing these tables to the glyphs in use takes as long as the rest of a figure; matplotlib has no option for it.
     """
     from fontTools.subset import Options
 

@@ -1,3 +1,3 @@
-"""Foundation of every room: files, errors, settings, random streams, the terminal, provenance."""
+"""Foundation of all other packages: files, errors, settings, random streams, the terminal, provenance."""
 
-SEED = 20190906  # of configuration, command line and library, where no other is given: all three give the same numbers
+SEED = 20190906  # default of configuration, command line and library, so that all three give the same numbers

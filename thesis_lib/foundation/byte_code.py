@@ -1,7 +1,7 @@
-"""Byte code is kept between the jobs of a run.
+"""Keep byte code between the jobs of a run.
 
-Where PYTHONDONTWRITEBYTECODE is set, as in many containers, each job would compile all that it imports anew, pandas,
-torch and SciPy among it: for most jobs of the quick scale that takes longer than their work.
+With PYTHONDONTWRITEBYTECODE set, as in many containers, each job would compile all its imports anew, among them pandas,
+torch and SciPy: for most jobs of the quick scale this takes longer than their work.
 """
 
 import os
@@ -9,6 +9,6 @@ import sys
 
 
 def keep_byte_code() -> None:
-    """Let this process and its children write byte code; where the folders are read-only, Python goes on without."""
+    """Let this process and its children write byte code; if the folders are read-only, Python continues without it."""
     os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
     sys.dont_write_bytecode = False

@@ -1,6 +1,6 @@
-"""Unit and meaning of every column in the tables under results/: columns.yaml, written to results/columns.csv.
+"""Unit and meaning of every column in the tables under results/, from columns.yaml, for results/columns.csv.
 
-A column means the same in every table, unless `tables` in columns.yaml says otherwise for a table (by file stem);
+A column means the same in every table, unless `tables` in columns.yaml states otherwise for a table (by file stem);
 columns of a single figure are explained in its record (`thesis_lib.thesis.records`).  Impulses of a dataset without a
 mass are per kilogram, N s/kg = m/s.
 """
@@ -27,7 +27,7 @@ def meanings() -> tuple[dict[str, list[str]], dict[str, dict[str, list[str]]]]:
 def explain(table: str, columns: Iterable[str], recorded: Mapping[str, tuple[str, str]] | None = None) -> pd.DataFrame:
     """Rows (table, column, unit, meaning) for the columns of the table with file stem `table`.
 
-    `recorded` holds (unit, meaning) of columns that only this table has.  KeyError if a column is not explained.
+    `recorded`: (unit, meaning) of columns that only this table has.  KeyError if a column is not explained.
     """
     columns_of_all, tables = meanings()
     particular = {**tables.get(table, {}), **(recorded or {})}

@@ -3,8 +3,8 @@
 | exit code | when                                                                |
 |-----------|---------------------------------------------------------------------|
 | 0         | done                                                                |
-| 1         | what was checked fails                                              |
-| 2         | wrong use or bad input; stderr says what is wrong and what to do    |
+| 1         | a check failed                                                      |
+| 2         | wrong usage or bad input; stderr states the fault and the remedy    |
 | 130       | interrupted (Ctrl-C)                                                |
 """
 
@@ -31,9 +31,9 @@ COLOURS = {  # beginning of a line -> SGR code of its first group
 
 
 class TerminalStream(VisibleStream):
-    """Escapes what is not printable, and colours the words of `COLOURS` on a terminal that wants colours.
+    """Stream that escapes unprintable characters, and colours the words of `COLOURS` on a terminal with colours.
 
-    Colour is added last, so that text carries no codes and a stranger's codes do not get through.
+    Colour is added last: texts contain no codes, and codes in texts from others are escaped.
     """
 
     def __init__(self, stream: TextIO):
@@ -56,7 +56,7 @@ class TerminalStream(VisibleStream):
         self._stream.flush()
 
     def rewrite(self, text: str) -> None:
-        """Replace the current line by `text`; on a terminal only."""
+        """Replace the current line by `text`; for terminals only."""
         self._stream.write(f"\r{visible(text)}\x1b[K")
         self._stream.flush()
 
@@ -70,7 +70,7 @@ def _coloured(line: str) -> str:
 
 
 def terminal_stream(stream: TextIO) -> TerminalStream:
-    """The stream to which commands write; itself if a command called another."""
+    """The stream to which commands write; `stream` itself if it is one already, as when a command calls another."""
     return stream if isinstance(stream, TerminalStream) else TerminalStream(stream)
 
 
@@ -109,9 +109,9 @@ def command(main: Callable[[Sequence[str] | None], int]) -> Callable[..., int]:
 
 
 class Parser(argparse.ArgumentParser):
-    """An argument parser whose help keeps its line breaks and whose errors look like all others.
+    """An argument parser whose help keeps its line breaks and whose errors have the common form.
 
-    Values such as -0.01,0,0 and -y are taken for values, not for options.
+    Values such as -0.01,0,0 and -y are treated as values, not as options.
     """
 
     def __init__(self, *args, formatter_class: type = argparse.RawDescriptionHelpFormatter, **kwargs):
@@ -119,7 +119,7 @@ class Parser(argparse.ArgumentParser):
         self._negative_number_matcher = re.compile(r"-(\.?\d.*|[xyz])$")
 
     def error(self, message: str) -> NoReturn:
-        """Print what is wrong, the usage and where to read more; exit code 2."""
+        """Print the fault, the usage and where to read more; exit with code 2."""
         if choice := re.search(r"invalid choice: '(.*)' \(choose from (.*)\)$", message):
             message += near(choice[1], re.findall(r"'([^']*)'", choice[2]))
         self.exit(WRONG, f"error: {message}\n{self.format_usage()}{self.prog} --help explains it\n")
@@ -136,6 +136,6 @@ def not_installed(package: str) -> str:
 
 
 def near(word: str, known: Iterable[str]) -> str:
-    """The end of a message, "; did you mean …?"; empty if no known word is similar."""
+    """End of a message, "; did you mean …?"; empty if no known word is similar."""
     said = suggest(word, known, most=3)
     return f"; {said}" if said else ""

@@ -10,7 +10,7 @@ class UserError(Exception):
     """A mistake in the user's input, shown without a traceback; its text names the remedy."""
 
     def __str__(self) -> str:
-        return visible(super().__str__())  # it quotes strangers' files, and also ends up in logs
+        return visible(super().__str__())  # it may quote files from others, and is written into logs
 
 
 class CorruptFileError(UserError):
@@ -18,11 +18,11 @@ class CorruptFileError(UserError):
 
 
 def suggest(word: str, known: Iterable[str], most: int = 1) -> str:
-    """The known words that a mistyped one resembles, as a question, did you mean 'x' or 'y'?; empty without any."""
+    """Question with the known words that a mistyped one resembles: did you mean 'x' or 'y'?  Empty if none is alike."""
     alike = difflib.get_close_matches(word, list(known), n=most)
     return f"did you mean {' or '.join(map(repr, alike))}?" if alike else ""
 
 
 def first_line(error: Exception) -> str:
-    """The first line of what an error of a library says, at most 200 characters; its kind if it says nothing."""
+    """The first line of the message of a library's error, at most 200 characters; its class name without a message."""
     return (str(error).strip().splitlines() or [type(error).__name__])[0][:200]

@@ -27,14 +27,14 @@ MAX_TABLE = 200_000_000  # bytes; the largest table of a full run has 7 MB
 MAX_CELLS_READ = 30_000_000  # bytes; in memory, texts take about thirty times as much
 MAX_HEADER = 100_000  # characters in the first line
 MAX_JSON = 50_000_000  # bytes
-TEXT = ("", "")  # unit and meaning of a column that the column dictionary does not know
+TEXT = ("", "")  # unit and meaning of a column that the column dictionary does not contain
 
 
 @contextlib.contextmanager
 def atomic(path: str | Path) -> Iterator[Path]:
     """Yield a temporary path beside `path`; rename it to `path` if the block succeeds.
 
-    Its name is fixed, so that leftovers of a killed run are overwritten and do not pile up.
+    Its name is fixed, so that leftovers of a killed run are overwritten and do not accumulate.
     """
     path = Path(path)
     path.parent.mkdir(parents=True, exist_ok=True)
@@ -50,7 +50,7 @@ def atomic(path: str | Path) -> Iterator[Path]:
 def write_table(table: pd.DataFrame, path: str | Path, float_format: str | None = FLOAT_FORMAT) -> None:
     """Write a table as CSV (or Parquet, by suffix), atomically and with reproducible bytes.
 
-    Without `float_format`, numbers are the shortest text that reads back to the same bits.
+    Without `float_format`, numbers are written as the shortest text that reads back to the same bits.
     """
     with atomic(path) as tmp:
         if tmp.suffix == ".parquet":
@@ -69,7 +69,7 @@ def read_table(path: str | Path, columns: Sequence[str] = ()) -> pd.DataFrame:
     """Read a table that this program wrote as CSV; `columns` must be present.
 
     UserError if the file is missing; CorruptFileError if it cannot be parsed, was cut off, has rows of different
-    lengths, holds text in a column of numbers, or lacks a column.
+    lengths, contains text in a column of numbers, or lacks a column.
     """
     path = Path(path)
     with _named(path):
@@ -83,7 +83,7 @@ def read_table(path: str | Path, columns: Sequence[str] = ()) -> pd.DataFrame:
 
 
 def read_cells(path: str | Path) -> pd.DataFrame:
-    """The same as texts, as pandas would take a law called "NA" for NaN."""
+    """Read such a table with all cells as text: pandas would take a law called "NA" for NaN."""
     path = Path(path)
     with _named(path):
         names, *rows = _rows(path, regular_size(path, MAX_CELLS_READ))
@@ -111,7 +111,7 @@ def _rows(path: Path, size: int) -> Iterator[list[str]]:
 
 
 def _check_numbers(name: str, table: pd.DataFrame) -> None:
-    """Refuse text in a column that has a unit in the column dictionary."""
+    """Raise a ValueError for text in a column that has a unit in the column dictionary."""
     columns, tables = meanings()
     for column in table.columns[[not pd.api.types.is_numeric_dtype(kind) for kind in table.dtypes]]:
         unit, _ = tables.get(name, {}).get(column) or columns.get(column) or TEXT
@@ -123,7 +123,7 @@ def _check_numbers(name: str, table: pd.DataFrame) -> None:
 
 @contextlib.contextmanager
 def _named(path: Path) -> Iterator[None]:
-    """Turn any failure to read one of our files into an error that names the file and the remedy."""
+    """Convert any failure to read one of our files into an error that names the file and the remedy."""
     try:
         yield
     except MissingFile as error:
@@ -144,7 +144,7 @@ def read_tables(paths: Iterable[str | Path], columns: Sequence[str] = ()) -> pd.
 def column_dictionary(
     paths: Iterable[str | Path], recorded: Mapping[str, Mapping[str, tuple[str, str]]]
 ) -> pd.DataFrame:
-    """The explanations of all columns in the CSV files `paths`, one set of rows for each kind of table.
+    """Explanations of all columns in the CSV files `paths`, one set of rows for each kind of table.
 
     `recorded` (table -> column -> (unit, meaning)) explains columns that are not in columns.yaml.
     """
@@ -187,7 +187,7 @@ def six_digits(value: Any) -> Any:
 def read_json(path: str | Path) -> dict:
     """Read a JSON object that this program wrote.
 
-    UserError if the file is missing; CorruptFileError if it holds NaN, a repeated key, or anything but a JSON object.
+    UserError if the file is missing; CorruptFileError if it contains NaN, a repeated key, or is not a JSON object.
     """
     path = Path(path)
     with _named(path):
@@ -205,5 +205,5 @@ def _no_number(name: str) -> None:
 def _each_once(pairs: list[tuple[str, object]]) -> dict:
     value = dict(pairs)
     if len(value) < len(pairs):
-        raise ValueError(f"a key stands twice among {', '.join(key for key, _ in pairs)[:100]}")
+        raise ValueError(f"a key occurs twice among {', '.join(key for key, _ in pairs)[:100]}")
     return value

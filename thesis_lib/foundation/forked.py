@@ -1,7 +1,7 @@
 """The same work on each of several items, shared by processes that are forked from this one.
 
-A forked process knows all that this one knows, so that nothing is sent to it; only results come back.  The first items
-are done here: what they load or compile is there for all, and short work is done before another process would begin.
+A forked process has all data of this one, so that nothing is sent to it; only results are sent back.  The first items
+are done here: all processes can use what these load or compile, and short work is done before a fork would begin.
 """
 
 import os
@@ -20,9 +20,9 @@ from thesis_lib.foundation.errors import UserError
 T = TypeVar("T")
 R = TypeVar("R")
 
-MOST = 16  # processes of one search, unless more are asked for: each takes some 100 MB, and some 40 items come at once
+MOST = 16  # largest default number of processes: each takes some 100 MB, and some 40 items come at once
 WORTH = 0.3  # s of work that is done here first; to fork two processes and to end them takes 0.1 s
-LONG = 1.0  # s that the first item took: next time, other processes begin at once with such work
+LONG = 1.0  # s for the first item, above which the next call with this work forks at once
 _long: set[str] = set()
 _jobs: ContextVar[int] = ContextVar("jobs", default=1)
 _task: tuple[Callable[[Any], Any], Sequence[Any]] | None = None  # of a forked process; None in the first one
@@ -30,7 +30,7 @@ _task: tuple[Callable[[Any], Any], Sequence[Any]] | None = None  # of a forked p
 
 @contextmanager
 def sharing(jobs: int) -> Iterator[None]:
-    """Let `each` share its work among up to so many processes."""
+    """Let `each` share its work among up to `jobs` processes."""
     token = _jobs.set(jobs)
     try:
         yield
@@ -39,22 +39,22 @@ def sharing(jobs: int) -> Iterator[None]:
 
 
 def cores() -> int:
-    """How many cores this process may use; 1 where a fork is not safe, as on macOS, or not known."""
+    """Number of cores that this process may use; 1 where a fork is not safe, as on macOS, or not known."""
     return len(os.sched_getaffinity(0)) if sys.platform == "linux" else 1
 
 
 def processes() -> int:
-    """How many processes share the work here: 1 in a forked one, and where nothing else is asked."""
+    """Number of processes that share the work here: 1 in a forked process, and by default."""
     return 1 if _task is not None else _jobs.get()
 
 
 def each(work: Callable[[T], R], items: Sequence[T]) -> list[R]:
-    """`work` of each item, in their order, by `processes` that end with this call.
+    """Results of `work` for each item, in their order, by `processes()` processes that end with this call.
 
-    The results are equal for any number of them if `work` leaves nothing behind that a later call depends on; what it
-    leaves in a forked process is lost.
+    The results are equal for any number of processes if no call of `work` depends on an earlier one; changes of state
+    in a forked process are lost.
 
-    UserError if a process was killed, as it is where memory runs out.
+    UserError if a process was killed, as happens if memory runs out.
     """
     jobs = min(processes(), len(items))
     if jobs < 2:
@@ -70,13 +70,13 @@ def each(work: Callable[[T], R], items: Sequence[T]) -> list[R]:
     jobs = min(jobs, len(rest))
     if jobs < 2:
         return [*done, *map(work, rest)]
-    context = get_context("fork")  # to others all data would have to be sent
+    context = get_context("fork")  # with other methods all data would have to be sent
     try:
         with ProcessPoolExecutor(jobs, context, _begin, (work, rest)) as pool:
             return [*done, *pool.map(_answer, range(len(rest)))]
     except BrokenProcessPool:
         raise UserError(
-            f"One of {jobs} processes was killed, as happens where memory runs out. Fewer of them need less: --jobs 1."
+            f"One of {jobs} processes was killed, probably for lack of memory. Use fewer processes: --jobs 1."
         ) from None
 
 

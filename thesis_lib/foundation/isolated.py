@@ -1,7 +1,7 @@
-"""Tasks in separate processes, so that one that crashes, hangs or takes all memory ends alone.
+"""Tasks in separate processes, so that a task that crashes, hangs or exhausts the memory ends alone.
 
 Processes are forked from a server that has imported the heavy packages once (`forkserver`), so that a task needs no
-start-up.  A process ends with its task, which frees the memory that the task took.
+start-up.  A process ends with its task, which frees the memory of the task.
 
 Tasks answer in JSON.  A process ends when its parent does, however the parent ended; if memory runs out, the kernel
 kills a task before the parent.
@@ -37,7 +37,7 @@ KILLED_FIRST = 800  # oom_score_adj, -1000 to 1000
 
 @dataclass(frozen=True)
 class Task:
-    """Work for a process of its own; `arguments` are pickled, and what the process prints replaces the file `log`."""
+    """Work for a process of its own; `arguments` are pickled, and the output of the process replaces the file `log`."""
 
     name: str
     arguments: tuple
@@ -46,9 +46,9 @@ class Task:
 
 @dataclass(frozen=True)
 class ProcessResult:
-    """How a task ended: either `result` (what the work returned) or `failure` (the reason in words) is None.
+    """Outcome of a task: either `result` (the return value of the work) or `failure` (the reason in words) is None.
 
-    Times are in s, `peak_mib` is the peak of resident memory; that and `cpu_s` are None if the process was killed.
+    Times are in s; `peak_mib` is the peak of resident memory; it and `cpu_s` are None if the process was killed.
     """
 
     name: str
@@ -68,17 +68,17 @@ def run_isolated(
     memory_limit: float | None = None,
     preload: Sequence[str] = (),
 ) -> Generator[ProcessResult]:
-    """Outcomes of `work(*task.arguments)`, in the order in which tasks end; none of them raises.
+    """Outcomes of `work(*task.arguments)`, in the order in which tasks end; errors of tasks are outcomes, too.
 
     Args:
-        work: function of an importable module; returns what JSON can hold.
-        jobs: processes at a time.
+        work: function of an importable module; returns a value that JSON can represent.
+        jobs: number of processes at a time.
         time_limit, memory_limit: s of wall time and bytes of resident memory per task; None for no limit.
         preload: modules that the server imports once.
     """
     context = multiprocessing.get_context("forkserver")
     context.set_forkserver_preload(list(preload))
-    # Ctrl-C reaches all processes of a terminal; the tasks inherit its block, and this process ends them
+    # Ctrl-C reaches all processes of a terminal; the tasks inherit that it is blocked, and this process ends them
     multiprocessing.resource_tracker.ensure_running()  # its start would unblock the signal
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
@@ -106,7 +106,7 @@ def run_isolated(
 
 
 class _Running:
-    """A task under way."""
+    """A running task."""
 
     def __init__(self, context, work: Callable[..., dict], task: Task) -> None:
         self.task = task
@@ -118,7 +118,7 @@ class _Running:
         child_end.close()  # so that the end of the process ends the channel
 
     def look(self, time_limit: float | None, memory_limit: float | None) -> ProcessResult | None:
-        """The outcome if the task has ended or was ended for exceeding a limit; else None."""
+        """Outcome if the task has ended, or was ended here because it exceeded a limit; else None."""
         wall = time.monotonic() - self.start
         if self.channel.poll():
             try:
@@ -140,7 +140,7 @@ class _Running:
         return ProcessResult(self.task.name, None, failure, wall)
 
     def end(self) -> int | None:
-        """Kill the process if it is alive, and return its exit code (negative: the signal that ended it)."""
+        """Kill the process if it is alive, and return its exit code (if negative, the signal that ended it)."""
         self.process.kill()
         self.process.join()
         self.channel.close()
@@ -148,7 +148,7 @@ class _Running:
 
 
 def _child(work: Callable[..., dict], arguments: tuple, log: str, channel) -> None:
-    """Do the work with its output in the log; answer with result or reason of failure, time and memory."""
+    """Do the work with its output in the log; send the result or the reason of failure, time and memory."""
     threading.Thread(target=_end_with_parent, daemon=True).start()
     with contextlib.suppress(OSError):
         Path("/proc/self/oom_score_adj").write_text(str(KILLED_FIRST))
@@ -199,5 +199,5 @@ def _exit_text(code: int | None) -> str:
         return f"ended without an answer (exit code {code})"
     name = signal.Signals(-code).name
     if code == -signal.SIGKILL:
-        return f"was killed ({name}); most likely the machine ran out of memory: give fewer --jobs"
+        return f"was killed ({name}); most likely the machine ran out of memory: use fewer --jobs"
     return f"crashed ({name})"

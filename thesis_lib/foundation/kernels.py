@@ -1,6 +1,6 @@
 """The same numerical kernels on every machine.
 
-BLAS, NumPy and torch choose their kernels by the processor, and with them the last digits of sums.  A throw of a die
+BLAS, NumPy and torch choose their kernels by the processor, which affects the last digits of sums.  A throw of a die
 doubles a difference at every contact, so that a figure stored on one machine would not be reproduced on another.
 Every x86-64 processor with AVX2 therefore gets kernels for AVX2; all others keep theirs.
 """
@@ -22,7 +22,7 @@ KERNELS = {
 def use_common_kernels() -> None:
     """Set the common kernels for this process and its children, unless set already.
 
-    `import thesis_lib` calls it.  NumPy reads them when it is imported: what was imported before keeps its kernels.
+    `import thesis_lib` calls it.  NumPy reads them on import: packages that were imported before keep their kernels.
     """
     if {"avx2", "fma"} <= set(processor()["vector"]):
         for name, value in KERNELS.items():
@@ -30,7 +30,7 @@ def use_common_kernels() -> None:
 
 
 def processor(file: Path = Path("/proc/cpuinfo")) -> dict:
-    """`model` of the processor and its `vector` instructions, as far as the system (Linux: `file`) tells."""
+    """`model` of the processor and its `vector` instructions, as far as the system (Linux: `file`) reports them."""
     try:
         text = file.read_text(encoding="utf-8")
     except OSError:

@@ -1,4 +1,4 @@
-"""Small pieces of Markdown: tables, links of DOIs, and a module's docstring as part of a page."""
+"""Small pieces of Markdown: tables, links to DOIs, and the docstring of a module as part of a page."""
 
 import ast
 import inspect
@@ -10,7 +10,7 @@ DOI = re.compile(r"doi:? ?(10\.\d{4,}/[^\s,;]*[^\s,;.)])")
 
 
 def table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
-    """A table; cells may hold anything but line breaks."""
+    """Markdown table; cells may contain any text without line breaks."""
     lines = [_row(head), "|" + "---|" * len(head), *map(_row, rows)]
     return "\n".join(lines)
 
@@ -30,7 +30,7 @@ def with_links(text: str) -> str:
 
 
 def docstring(module: ModuleType) -> str:
-    """The docstring of a module; its equations are indented and its tables are Markdown already."""
+    """The docstring of a module as Markdown; its equations must be indented, its tables already Markdown."""
     # from the source: a docstring is absent under python -OO
     text = ast.get_docstring(ast.parse(inspect.getsource(module))) or ""
     # Markdown reads an indented line as an equation only after an empty line

@@ -1,6 +1,6 @@
-"""Mistakes that pydantic finds in a file, in words: where they stand, what a value must be, and which keys there are.
+"""Mistakes that pydantic finds in a file, as messages: their place, the values that are allowed, and the known keys.
 
-All files that users write (header of a dataset, recording, configuration, claims) are described in these words.
+The messages are used for all files that users write (header of a dataset, recording, configuration, claims).
 """
 
 import re
@@ -13,7 +13,7 @@ from pydantic import ValidationError
 from thesis_lib.foundation.errors import suggest
 
 LONGEST = 60  # characters of a value that are shown
-MOST_HOMES = 3  # sections that are named for a key
+MOST_HOMES = 3  # sections that are suggested for a key
 Place = tuple[str | int, ...]
 Schema = Mapping[str, Any]
 
@@ -22,8 +22,8 @@ Schema = Mapping[str, Any]
 class Mistake:
     """A mistake in a file.
 
-    `line` is that of the nearest key around it, None if there is none; `remedy` is "" if the mistake does not say it;
-    `meaning` is what the key means, "" if nothing says so.
+    `line` is that of the nearest key around it, None if there is none; `remedy` is "" if it does not follow from the
+    mistake; `meaning` is the description of the key, "" if there is none.
     """
 
     place: Place
@@ -33,7 +33,7 @@ class Mistake:
     meaning: str
 
     def of(self, key: str) -> str:
-        """The mistake as a sentence about a key, and what to do."""
+        """The mistake as a sentence about `key`, with the remedy."""
         verb = " " if self.what.startswith("is ") else ": "
         return f"{key}{verb if key else ''}{self.what}" + (f"; {self.remedy}" if self.remedy else "")
 
@@ -41,11 +41,11 @@ class Mistake:
 def mistakes_in(
     error: ValidationError, content: Any, lines: Mapping[Place, int], schema: Mapping[str, Any]
 ) -> Iterator[Mistake]:
-    """The mistakes of a file that holds `content`, with its keys in these lines; `schema` is the JSON schema of it."""
+    """The mistakes in a file with `content`; `lines` are the lines of its keys, `schema` is the JSON schema of it."""
     for entry in error.errors(include_url=False):
         place = _place(entry["loc"], content)
         meaning = next((node["description"] for node in _nodes(schema, entry["loc"]) if "description" in node), "")
-        # its own, or that of the nearest place that encloses it; None for the whole file
+        # the line of the key, or of the nearest enclosing key; None for the whole file
         line = next((lines[place[:n]] for n in range(len(place), 0, -1) if place[:n] in lines), None)
         yield Mistake(place, line, *_said(entry, schema), meaning)
 
@@ -65,7 +65,7 @@ def _place(loc: Place, content: Any) -> Place:
 
 
 def _said(entry: Any, schema: Schema) -> tuple[str, str]:
-    """Message on what is wrong, and on what to do if that is known."""
+    """Message on the fault, and on the remedy if that is known."""
     context = entry.get("ctx", {})
     kind = str(context.get("discriminator", "")).strip("'")
     match entry["type"]:
@@ -83,12 +83,12 @@ def _said(entry: Any, schema: Schema) -> tuple[str, str]:
 
 
 def dotted(place: Place) -> str:
-    """A place as it is written: surfaces[0].normal."""
+    """A place in the usual notation: surfaces[0].normal."""
     return "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in place).lstrip(".")
 
 
 def found(value: object) -> str:
-    """A value as it was found, cut to `LONGEST` characters."""
+    """A value as found in the file, cut to `LONGEST` characters."""
     text = repr(value)
     return text if len(text) <= LONGEST else text[: LONGEST - 3] + "..."
 
@@ -119,7 +119,7 @@ def wrong_value(mistake: Mapping[str, Any]) -> str:
 
 
 def unknown_key(place: Place, schema: Schema) -> str:
-    """Advice on an unknown key: a similar key, its true section, or the keys that its section has.
+    """Advice on an unknown key: a similar key, the right section for it, or the keys of its section.
 
     `schema`: the JSON schema of the whole file.
     """
@@ -135,7 +135,7 @@ def unknown_key(place: Place, schema: Schema) -> str:
 
 
 def _nodes(schema: Schema, place: Place) -> list[Schema]:
-    """Parts of a schema that describe the value at a place."""
+    """The parts of a schema that describe the value at a place."""
     nodes = [schema]
     for part in place:
         nodes = [child for node in nodes for child in _children(schema, node, part)]

@@ -1,6 +1,6 @@
-"""Progress of a long command on stderr: on a terminal a line that is rewritten, elsewhere a line a minute.
+"""Progress of a long command on stderr: on a terminal one line that is rewritten, elsewhere one line per minute.
 
-The time left is shown if the share done is known: from "3 of 10" in the text, or from a table of stages.
+The remaining time is shown if the completed share is known: from "3 of 10" in the text, or from a table of stages.
 """
 
 import re
@@ -14,7 +14,7 @@ from typing import Self
 from thesis_lib.foundation.command_line import terminal_stream
 
 EVERY_TERMINAL, EVERY_LOG = 1.0, 60.0  # s between two lines
-SHORT = 2.0  # s; an earlier forecast is a guess
+SHORT = 2.0  # s; an earlier forecast would be a guess
 
 
 class Progress:
@@ -83,5 +83,5 @@ class Progress:
 
 
 def duration(seconds: float) -> str:
-    """Text for people: seconds, minutes from 90 s on."""
+    """Duration as text: in seconds, from 90 s on in minutes."""
     return f"{seconds:.0f} s" if seconds < 90 else f"{seconds / 60:.0f} min"

@@ -1,12 +1,12 @@
-"""Code, versions and data that made a result.
+"""Code, versions and data that produced a result.
 
 `lib_hash` is the part that Snakemake cannot see: a hash of the modules of thesis_lib that a script uses, directly or
-through other modules. Rules carry it as a parameter, so that an edit reruns exactly the rules that use the edited
+through other modules. Rules have it as a parameter, so that an edit reruns exactly the rules that use the edited
 module; comments, layout, docstrings, the place of a module and `__version__` do not count. Imports are followed
-statically, also inside functions. A module that looks through its folder (`pkgutil.iter_modules`), as registries do,
-uses all modules and YAML files of it. Of a package that an import only passes on the way to a module, the `__init__`
-counts, and not what it imports. What was read of a module is kept beside the byte code, under the SHA-256 of its text:
-most have not changed since.
+statically, also inside functions. A module that lists its folder (`pkgutil.iter_modules`), as registries do, uses all
+modules and YAML files in it. If an import only passes a package on the way to a module, the `__init__` of the package
+counts, but not the imports in it. The parsed parts of a module are stored beside the byte code, under the SHA-256 of
+its text, since most modules do not change between runs.
 """
 
 import ast
@@ -27,8 +27,8 @@ from thesis_lib.foundation.kernels import processor
 PACKAGE = "thesis_lib"
 KEPT = "code_hashes.json"  # in the __pycache__ of the package
 LISTING = ("iter_modules", "walk_packages")  # functions of pkgutil
-READER = 3  # what was kept by another one is read anew
-MOST_KEPT = 5000  # modules, of several versions
+READER = 3  # version of the parser; stored results of other versions are discarded
+MOST_KEPT = 5000  # stored modules, of several versions
 DATA_SUFFIXES = (".mplstyle", ".txt", ".html", ".css", ".js")  # data files that modules of a folder read
 
 
@@ -42,11 +42,11 @@ def lib_hash(script: str | Path, root: str | Path | None = None) -> str:
 
 
 class Sources:
-    """The package below `root` as it stands: what is read of it is read once, however many scripts use it."""
+    """The current package below `root`: each module is read only once, however many scripts use it."""
 
     def __init__(self, root: str | Path | None = None) -> None:
         self.root = Path(root) if root else Path(__file__).resolve().parents[2]
-        # of this object, and not of the class: another one looks again
+        # caches of this object, not of the class: a new object reads the files again
         self._read = functools.cache(self._read_file)
         self._module_file = functools.cache(functools.partial(_module_file, root=self.root))
         self._hashed = functools.cache(self._hash_file)
@@ -55,7 +55,7 @@ class Sources:
         self._new = False
 
     def lib_hash(self, script: str | Path) -> str:
-        """Hash of a script and of what it uses, as `lib_hash` says."""
+        """Hash of a script and of the modules that it uses, as in the function `lib_hash`."""
         first = Path(script)
         found: dict[Path, _Used] = {}
         queue = [first]
@@ -71,7 +71,7 @@ class Sources:
         return hashlib.sha256("\n".join([found[first].hash, *used]).encode()).hexdigest()[:16]
 
     def _read_file(self, path: Path) -> "_Module":
-        """Parts of a module that are hashed: as they were kept, or read now."""
+        """Parts of a module that are hashed, from the store or read now."""
         content = path.read_bytes()
         key = hashlib.sha256(content).hexdigest()
         if key not in self._kept:
@@ -148,13 +148,13 @@ def _read_module(text: str, filename: str) -> _Module:
 
 
 def _packages(name: str) -> list[str]:
-    """The packages that hold what has this dotted name, the outermost first."""
+    """The packages that contain the object with this dotted name, the outermost first."""
     parts = name.split(".")
     return [".".join(parts[:i]) for i in range(1, len(parts))]
 
 
 def _load(path: Path) -> dict[str, _Module]:
-    """Modules by the SHA-256 of their text, as `_save` kept them; none where that cannot be read."""
+    """Modules by the SHA-256 of their text, as stored by `_save`; none if the store cannot be read."""
     try:
         kept = json.loads(path.read_text(encoding="utf-8"))
         if kept["reader"] != [READER, sys.version]:
@@ -168,7 +168,7 @@ def _load(path: Path) -> dict[str, _Module]:
 
 
 def _save(path: Path, modules: dict[str, _Module]) -> None:
-    """Keep the modules; where nothing can be written, they are read again the next time."""
+    """Store the modules; if the store cannot be written, they are read again the next time."""
     while len(modules) > MOST_KEPT:
         modules.pop(next(iter(modules)))  # the oldest
     tmp = path.with_name(f"{path.name}.{os.getpid()}")
@@ -251,12 +251,12 @@ def code_sha256(root: str | Path) -> str:
 
 
 def value_sha256(value: object) -> str:
-    """SHA-256 of a value that JSON can hold, whatever the order of keys."""
+    """SHA-256 of a value that JSON can represent, independent of the order of keys."""
     return hashlib.sha256(json.dumps(value, sort_keys=True).encode()).hexdigest()
 
 
 def environment(requirements: str | Path) -> dict:
-    """The other causes of a result's bits.
+    """The environment of a run, which also affects the bits of a result.
 
     `requirements`, in the root of the checkout, has a line `name==version` for each direct dependency.  The keys are
     `python`, `platform`, `processor` (model, and vector instructions that determine kernels), `blas` (library, version

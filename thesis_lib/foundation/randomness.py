@@ -1,7 +1,7 @@
 """Independent random streams.
 
-Each rule's generator derives from the one seed of the configuration and a key (rule name and wildcards), so that
-adding a rule, a law or a dataset changes no other result.
+The generator of each rule derives from the single seed of the configuration and a key (rule name and wildcards), so
+that an additional rule, law or dataset changes no other result.
 """
 
 import hashlib
@@ -24,7 +24,7 @@ def generator(seed: int, *key: str) -> np.random.Generator:
 def streams(rng: np.random.Generator) -> Callable[..., np.random.Generator]:
     """Function from a name (words or numbers) to a separate stream; all derive from one draw of `rng`.
 
-    A loop over models or programs takes one for each, so that a further model shifts no draw of another.
+    A loop over models or programs uses one stream for each, so that an additional model changes no draw of the others.
 
     >>> a, b = (streams(np.random.default_rng(0)) for _ in range(2))
     >>> _ = b("another").random()

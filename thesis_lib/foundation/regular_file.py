@@ -1,7 +1,7 @@
 """Checks before a file is opened: it must be a regular file, of bounded size, inside its folder.
 
-Reading a folder, a pipe or a device would fail oddly or never end, a huge file would fill the memory, and a link in a
-user's folder can lead anywhere.
+Reading a folder, a pipe or a device would fail with an obscure error or never end, a huge file would fill the memory,
+and a link in a user's folder can lead anywhere.
 """
 
 import os
@@ -12,7 +12,7 @@ from thesis_lib.foundation.errors import UserError
 
 
 class FileProblem(UserError):
-    """A file that is refused: `what` is wrong with it, the `remedy`, and the place in it, "" of the whole."""
+    """A file that is refused: the fault `what`, the `remedy`, and the place `where` in the file ("" for all of it)."""
 
     def __init__(self, path: str | Path, what: str, remedy: str, where: str = ""):
         self.what, self.remedy, self.where = what, remedy, where
@@ -29,7 +29,7 @@ def regular_size(path: str | Path, limit: int, within: str | Path | None = None)
     MissingFile if there is none; FileProblem if it is not a regular file, is larger, or lies outside `within`.
     """
     try:
-        status = os.stat(path)  # noqa: PTH116  (Path.stat says the same)
+        status = os.stat(path)  # noqa: PTH116  (Path.stat does the same)
         outside = within is not None and not Path(path).resolve().is_relative_to(Path(within).resolve())
     except FileNotFoundError as error:
         raise MissingFile(path, "does not exist", "give a file that does") from error

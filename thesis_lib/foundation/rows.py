@@ -1,7 +1,7 @@
-"""Tables to which several runs add rows at once, each under its key, with the code that made them and the date.
+"""Tables to which several runs add rows at the same time, each under its key, with a hash of the code and the date.
 
-Cells are text, so that a row that stays is written as it was read.  Numbers are written in their shortest exact form,
-or rounded to `Rows.digits`; what is unknown is empty.
+Cells are text, so that a row that is kept is written as it was read.  Numbers are written in their shortest exact form,
+or rounded to `Rows.digits`; unknown values are empty.
 """
 
 import contextlib
@@ -30,17 +30,17 @@ Made = TypeVar("Made")
 
 
 def today() -> str:
-    """The day on which a row is made, as 2026-11-25."""
+    """Today's date, with which a row is stamped, in the form 2026-11-25."""
     return date.today().isoformat()
 
 
 def stamp(script: str | Path) -> dict[str, str]:
-    """`STAMP` of a row that `script` makes: hash of all code that it uses, and today's date."""
+    """Values of `STAMP` for a row made by `script`: hash of all code that it uses, and today's date."""
     return dict(zip(STAMP, (lib_hash(script), today())))
 
 
 def as_cell(value: Any, digits: int | None = None) -> str:
-    """A value as it stands in a table, a float with so many significant digits (None: all)."""
+    """A value as text for a table, a float with `digits` significant digits (None: all)."""
     if not isinstance(value, float):
         return "" if value is None else str(value)
     if math.isnan(value):
@@ -50,7 +50,7 @@ def as_cell(value: Any, digits: int | None = None) -> str:
 
 
 def by_cells(*names: str) -> Callable[[Mapping[str, str]], list[tuple]]:
-    """Sorts rows by the cells in some columns, numbers as numbers and before texts."""
+    """Sort key for rows, from the cells in the columns `names`; numbers are compared as such and precede texts."""
 
     def comparable(cell: str) -> tuple:
         try:
@@ -66,11 +66,11 @@ class Rows:
     """A table in a file.
 
     Attributes:
-        columns: of the table.
-        key: columns that name a row; a new one replaces those that have the same there.
-        command: that makes rows, for messages.
-        digits: significant ones of numbers; None: all.
-        order: of the rows, by a function of their cells; None: `by_cells` of the key.
+        columns: names of the columns.
+        key: columns that identify a row; a new row replaces those with the same key.
+        command: command that makes rows, for messages.
+        digits: significant digits of numbers; None: all.
+        order: sort key, a function of the cells of a row; None: `by_cells` of the key.
     """
 
     path: Path
@@ -85,7 +85,7 @@ class Rows:
         return replace(self, path=Path(path))
 
     def parsed(self, make: Callable[[dict[str, str]], Made]) -> list[Made]:
-        """Result of `make` for the cells of each row; nothing if there is no table.
+        """Results of `make` for the cells of each row; an empty list if there is no table.
 
         CorruptFileError with the line if a row cannot be read, or `make` raises a ValueError, KeyError or TypeError.
         """
@@ -113,15 +113,15 @@ class Rows:
         import pandas as pd
 
         if not self.parsed(dict):
-            raise UserError(f"{self.path.name} holds no row: {self.command}.")
+            raise UserError(f"{self.path.name} contains no rows; make them with {self.command}.")
         return pd.read_csv(self.path, keep_default_na=False)
 
     def cells(self, row: Mapping[str, Any]) -> dict[str, str]:
-        """A row as it is stored."""
+        """The cells of a row, as they are stored."""
         return {name: as_cell(row.get(name), self.digits) for name in self.columns}
 
     def put(self, *rows: Mapping[str, Any]) -> None:
-        """Store rows, in place of those of the same key; parallel runs wait."""
+        """Store rows, replacing those with the same keys; parallel runs wait for each other."""
         new = [self.cells(row) for row in rows]
         with self._locked():
             old = self.parsed(dict)

@@ -1,7 +1,7 @@
-"""Strangers' text on a terminal: unprintable characters are shown as escapes and not obeyed.
+"""Safe output of text from others on a terminal: unprintable characters are shown as escapes and not obeyed.
 
 A terminal obeys control characters in text (colours, window title, clipboard, erased lines), and marks of writing
-direction make a line read as another.  Names of folders, columns and keys come from whoever made a dataset.
+direction can make a line read differently.  Names of folders, columns and keys come from the maker of a dataset.
 """
 
 from typing import Any, TextIO
@@ -10,7 +10,7 @@ LAYOUT = "\n\t"
 
 
 def visible(text: str) -> str:
-    """The text with everything unprintable except line breaks and tabs escaped as Python would.
+    """The text with all unprintable characters except line breaks and tabs escaped as in Python.
 
     >>> visible("a\\x1b[31mb")
     'a\\\\x1b[31mb'
@@ -27,7 +27,7 @@ class VisibleStream:
         self._stream = stream
 
     def write(self, text: str) -> int:
-        """Write text; returns the number of characters in `text`."""
+        """Write `text`; return its number of characters."""
         self._stream.write(visible(text))
         return len(text)
 

@@ -13,7 +13,7 @@ import yaml
 from thesis_lib.foundation.errors import UserError, first_line
 from thesis_lib.foundation.regular_file import FileProblem, read_bytes
 
-MAX_BYTES = 1_000_000  # the largest of this project, config/claims/chapter3.yaml, has 80 kB
+MAX_BYTES = 1_000_000  # the largest file of this project, config/claims/chapter3.yaml, has 80 kB
 MAX_DEPTH = 20  # the deepest legitimate nesting is 6
 MAX_NODES = 200_000  # keys and values with aliases expanded; chapter 3's claims have some 5,000
 # libyaml is ten times faster, if PyYAML was built with it
@@ -40,7 +40,7 @@ class Document:
     def refuse_repeated(self, path: str | Path) -> None:
         """Raise a UserError with the lines of repeated keys, of which YAML would silently keep the last."""
         if self.repeated:
-            said = "the key '{}' stands in line {} and again in line {}"
+            said = "the key '{}' occurs in line {} and again in line {}"
             repeats = [said.format(key[-1], self.lines[key], line) for key, line in self.repeated]
             more = f"; and {len(repeats) - 20} more" if len(repeats) > 20 else ""
             raise UserError(f"{path}: {'; '.join(repeats[:20])}{more}. Keep one of them.")
@@ -97,7 +97,7 @@ def _locate(path: str | Path, node: yaml.Node, at: Key, document: Document) -> N
     """Visit all nodes with aliases expanded: record lines and repeated keys, check the bounds."""
     document.nodes += 1
     if document.nodes > MAX_NODES:
-        what = f"holds more than {MAX_NODES:,} keys and values, aliases written out"
+        what = f"contains more than {MAX_NODES:,} keys and values, with aliases expanded"
         raise FileProblem(path, what, "follow the documented format")
     if len(at) > MAX_DEPTH:  # an alias inside its own value
         _refuse_nesting(path, node)

@@ -1,7 +1,7 @@
 """Bases of a residual: an impact law fitted on the training impacts, or the critique's law with its effects.
 
-A base maps measured impacts to the frame of the contact (`seen`) and velocities back (`measured`), so that a learner
-works where the physics holds: it undoes a mirrored rotation, moves the contact point of a rounded corner, corrects a
+A base maps measured impacts to the frame of the contact (`seen`) and velocities back (`measured`), so a learner works
+where the physics holds: the base undoes a mirrored rotation, moves the contact point of a rounded corner, or corrects a
 wrong inertia.  For a plain law both maps are the identity.
 
     seen:      q, v, r, k  ──  Model.contact:  to_true, to_contact, contact_point, radius_of_gyration
@@ -26,7 +26,7 @@ from thesis_lib.mechanics.state import State
 
 @dataclass(frozen=True)
 class LawBase:
-    """An impact law with one (μ, ε) that minimises the mean velocity error of the training impacts."""
+    """An impact law with the (μ, ε) that minimise the mean velocity error of the training impacts."""
 
     law: str
     mu: float = np.nan
@@ -58,7 +58,7 @@ class AugmentedBase:
     model: SavedModel
 
     def fit(self, impacts: Impacts) -> "AugmentedBase":
-        """Itself: the critique has fitted its parameters."""
+        """Return the base itself: the critique has fitted its parameters."""
         return self
 
     def predict(self, impacts: Impacts) -> np.ndarray:

@@ -38,12 +38,12 @@ def product(A: torch.Tensor, B: torch.Tensor) -> torch.Tensor:
 
 
 def symmetric_product(A: torch.Tensor, B: torch.Tensor) -> torch.Tensor:
-    """A B (n, k) of a symmetric A (n, n), of which the lower triangle is read, and B (n, k)."""
+    """A B (n, k) of a symmetric A (n, n), whose lower triangle is read, and B (n, k)."""
     return A @ B if A.is_cuda else torch.from_numpy(dsymm(1.0, A.numpy().T, B.numpy().T, side=1).T)
 
 
 def factor(K_y: torch.Tensor) -> torch.Tensor:
-    """L (n, n), in the place of K_y; raises LinAlgError if K_y is not positive definite."""
+    """L (n, n), which overwrites K_y; raises LinAlgError if K_y is not positive definite."""
     if K_y.is_cuda:
         L, failed = torch.linalg.cholesky_ex(K_y)
     else:
@@ -54,7 +54,7 @@ def factor(K_y: torch.Tensor) -> torch.Tensor:
 
 
 def inverse(L: torch.Tensor) -> torch.Tensor:
-    """K_y⁻¹ (n, n), of which the lower triangle holds, in the place of L."""
+    """K_y⁻¹ (n, n), valid in its lower triangle, which overwrites L."""
     if L.is_cuda:
         return torch.cholesky_inverse(L)
     dpotri(L.numpy().T, overwrite_c=1)
@@ -69,7 +69,7 @@ def solve(L: torch.Tensor, y: torch.Tensor) -> torch.Tensor:
 
 
 def inverse_diagonal(L: torch.Tensor) -> torch.Tensor:
-    """κ (n,), the diagonal of K_y⁻¹, in the place of L: half the work of the whole inverse."""
+    """κ (n,), the diagonal of K_y⁻¹, for half the work of the whole inverse; L is overwritten."""
     if L.is_cuda:
         L = torch.linalg.solve_triangular(L, torch.eye(len(L), dtype=L.dtype, device=L.device), upper=False)
     else:
@@ -78,7 +78,7 @@ def inverse_diagonal(L: torch.Tensor) -> torch.Tensor:
 
 
 def explained(L: torch.Tensor, k: torch.Tensor) -> torch.Tensor:
-    """k_iᵀ K_y⁻¹ k_i (m,) of the rows of k (m, n) as |L⁻¹ k_i|², in the place of k."""
+    """k_iᵀ K_y⁻¹ k_i (m,) of the rows of k (m, n) as |L⁻¹ k_i|²; k is overwritten."""
     if L.is_cuda:
         return torch.linalg.solve_triangular(L, k.T, upper=False).square_().sum(0)
     dtrsm(1.0, L.numpy().T, k.numpy().T, trans_a=1, overwrite_b=1)

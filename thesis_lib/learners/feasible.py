@@ -6,7 +6,7 @@ With z = (v_x, v_y, k ω) the kinetic energy is m |z|²/2, so the feasible set i
     n̂ · z⁺ ≥ 0            no penetration, v_n⁺ = J_n v⁺ ≥ 0,  n̂ ∝ (0, 1, r_x/k)
 
 In the orthonormal frame (n̂, t̂, b̂), t̂ ∝ (1, 0, −r_y/k) less its part along n̂, b̂ = n̂ × t̂, an impulse through the
-contact point does not change z_b.  The rigid set is the half disc z_n² + z_t² ≤ R² − z_b², that of a wrench the half
+contact point does not change z_b.  The rigid set is the half disc z_n² + z_t² ≤ R² − z_b², the set of a wrench the half
 ball.  The plane passes through the centre, so projection onto the plane and then into the ball gives the nearest
 feasible point.
 

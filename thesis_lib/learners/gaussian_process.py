@@ -5,10 +5,10 @@ Each output is independent, with standardised inputs x and outputs y,
     k(x, x') = s exp(−½ Σ_d (x_d − x'_d)² / l_d²),   K_y = K + σ² W⁻¹,   α = K_y⁻¹ y
     μ* = k*ᵀ α,   var* = s − k*ᵀ K_y⁻¹ k*
 
-`marginal_likelihood` finds the hyperparameters, `covariance` holds the matrices (exact, float64).  GPyTorch would go
+`marginal_likelihood` finds the hyperparameters, `covariance` computes the matrices (exact, float64).  GPyTorch would go
 through MKL: with the common kernels its factor takes 4 times as long and its variance 8 times.  Scikit-learn's process,
-with which the tests compare, and the critique tests what is left (`thesis_lib/critique/drops/features.py`), fits one
-noise σ² for all measurements, or takes one for each as given, but does not fit σ² beside weights w; nor has it priors.
+used for comparison in the tests and by the critique (`thesis_lib/critique/drops/features.py`), fits one noise σ² for
+all measurements, or takes one for each as given, but does not fit σ² beside weights w, and it has no priors.
 Its likelihood with gradient takes 5 times as long (450 points of 6 inputs: 36 instead of 7 ms).
 
 GPU and CPU sum in different orders (both in float64; the GPU draws no random numbers).  With the same hyperparameters
@@ -30,12 +30,12 @@ from thesis_lib.learners.settings import GaussianProcessSettings
 
 SAME = 1e-8
 SAME_TRAINED = 1e-4
-SETTLED = 0.003  # of all weight: a change below it calls for no other search (with 0.01 errors moved by up to a fifth)
+SETTLED = 0.003  # of all weight: a smaller change needs no other search (with 0.01, errors changed by up to a fifth)
 ROWS = 256  # predictions at a time: their covariances with 450 impacts fit the processor's cache
 
 
 def device_of(settings: GaussianProcessSettings) -> torch.device:
-    """The device that the settings ask for; raises UserError for CUDA without a GPU."""
+    """The device that the settings select; raises UserError for CUDA without a GPU."""
     if settings.device == "cuda" and not torch.cuda.is_available():
         raise UserError("device: cuda is set, but no CUDA GPU is usable here; set device: auto or cpu.")
     use_cuda = settings.device != "cpu" and torch.cuda.is_available()
@@ -97,7 +97,7 @@ class GaussianProcess:
         return trained
 
     def begins(self, X: np.ndarray, Y: np.ndarray) -> bool:
-        """Whether these data (n, d) and (n, p) are, in their first rows, those it was trained on."""
+        """Whether the first rows of these data (n, d) and (n, p) are the training data."""
         own = np.hstack([self.x * self.x_scale + self.x_mean, self.y * self.y_scale + self.y_mean])
         first = np.hstack([X, Y])[: len(own)]
         return own.shape == first.shape and bool(np.allclose(own, first, rtol=1e-9, atol=1e-12))
@@ -146,7 +146,7 @@ def fit_gaussian_process(
         if fixed:
             theta[i], value[i] = known[i], start.log_likelihood[i]
         else:
-            # from a known answer a drawn start has ended better in 1 of some 1,000 searches, by less than a nat
+            # beside a known start, a drawn one has ended better in 1 of some 1,000 searches, by less than a nat
             count_of = settings.restarts if known is None else 1
             first = starts(d, rng, count_of, None if known is None else known[i])
             theta[i], value[i] = search(x[:count], output[:count], weight[:count, i], first, settings, device)

@@ -7,11 +7,11 @@
     v⁺ ~ N(v + A c̄, A Σ Aᵀ),  A = M⁻¹ Jᵀ           equations 4.14 and 4.15 (whose factors are printed transposed)
 
 `learner.fit(impacts, rng)` gives a trained model, and `model.predict(impacts)` an `ImpactPrediction` with velocity,
-impulse and, of an `ImpulseLearner`, its covariance.  Infeasible predictions are flagged and given with their
+impulse and, for an `ImpulseLearner`, its covariance.  Infeasible predictions are flagged and given with their
 projection.
 
-Where a law has no solution, the impact is left out of training and its prediction is NaN.  The prior mean of class 1 is
-the mean of its outputs, that of residuals zero.  μ and ε are learned from training impacts that the law can explain
+If a law has no solution, the impact is left out of training and its prediction is NaN.  The prior mean of class 1 is
+the mean of its outputs; for residuals it is zero.  μ and ε are learned from training impacts that the law can explain
 within `RANGE` (from all, if fewer than `FEWEST`), and clipped to 0 ≤ μ ≤ 2 and 0 ≤ ε ≤ 1.
 """
 
@@ -48,9 +48,9 @@ class ImpactPrediction:
 
 @dataclass(frozen=True)
 class ImpactLearner:
-    """A contact model to be learned; `fit` gives the trained one, which has a `process`.
+    """A contact model to be learned; `fit` returns a trained copy, which has a `process`.
 
-    `fit` raises ValueError for fewer than two impacts; `start`, trained on others, is where its search starts.
+    `fit` raises ValueError for fewer than two impacts; its search begins at `start`, trained on other impacts.
     `predict` uses quantities before impact only, not the `v_post` of the impacts.
     """
 

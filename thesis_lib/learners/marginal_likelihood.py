@@ -1,4 +1,4 @@
-"""Hyperparameters of a Gaussian process by marginal likelihood, with less weight on wild measurements.
+"""Hyperparameters of a Gaussian process by marginal likelihood, with less weight on outliers (wild measurements).
 
     log p(y) = −½ yᵀ α − ½ log |K_y| − ½ n log 2π,     K_y = K + σ² W⁻¹,   α = K_y⁻¹ y
     ∂ log p / ∂ log l_d = ½ Σ_ij G_ij (x_id − x_jd)² / l_d²,   G = (α αᵀ − K_y⁻¹) ∘ K     (R. & W., eq. 5.9)
@@ -12,8 +12,8 @@ inverse, without the n × n steps of automatic differentiation.  L-BFGS-B runs f
 (`START`), the others are drawn.  Weak log-normal priors (`PRIOR`) prevent overfitting of a handful of impacts; `prior:
 false` is marginal likelihood alone.
 
-One wild impact (a second corner that hits within a frame) can give a Gaussian process short lengths everywhere.  So an
-impact more than `WILD` standard deviations from its leave-one-out prediction has its noise raised to match, and the
+One wild impact (a second corner that hits within a frame) can give a Gaussian process short lengths everywhere.  So the
+noise of an impact more than `WILD` standard deviations from its leave-one-out prediction is raised to match, and the
 search continues.  With Gaussian noise this affects one impact in 370.
 
 Source: Rasmussen and Williams, Gaussian Processes for Machine Learning, 2006.
@@ -29,7 +29,7 @@ from thesis_lib.learners.settings import GaussianProcessSettings
 # median and spread (of the logarithm) of the priors of l, s, σ²; beyond some fifty impacts they matter little
 PRIOR = ((4.0, 1.0), (1.0, 1.5), (0.5, 1.0))
 START = (3.0, 0.5, 0.5)  # l, s, σ² of the first start: half of the variance a smooth function, half of it noise
-# with less noise, rounding of the factorisation would decide between nearly equal impacts
+# with less noise, rounding in the factorisation would decide between nearly equal impacts
 BOUNDS = {"lengthscale": (0.05, 100.0), "signal": (1e-3, 1e3), "noise": (1e-6, 4.0)}
 EQUAL = 1.0  # nats; where nothing can be learned, the first start, which has noise, is kept unless another is better
 WILD = 3.0  # standard deviations

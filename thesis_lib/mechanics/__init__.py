@@ -1,1 +1,1 @@
-"""Rigid-body mechanics of one body in the plane or in space: motions, inertia, contacts, free flight"""
+"""Rigid-body mechanics of one body in the plane or in space: motion, inertia, contacts and free flight."""

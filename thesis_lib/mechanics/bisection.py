@@ -1,4 +1,4 @@
-"""Where along a motion something changes, as a touch or its end, by bisection for many bodies at once."""
+"""Bisection, for many bodies at once, of the instant at which a condition changes (a contact begins or ends)."""
 
 from collections.abc import Callable
 from typing import Any
@@ -9,9 +9,9 @@ import numpy as np
 def bisected(
     holds: Callable[[Any], Any], yes: np.ndarray | float, no: np.ndarray | float, halvings: int
 ) -> tuple[np.ndarray, np.ndarray]:
-    """The ends (n,) of intervals in which a condition changes, halved so many times.
+    """Ends (n,) of the intervals in which a condition changes, after the given number of `halvings`.
 
-    It `holds` (n,) at `yes`, which may be the upper end, and not at `no`; both are (n,), or numbers.
+    `holds` returns the condition (n,); it is true at `yes`, either end, and false at `no`; both (n,) or numbers.
     """
     for _ in range(halvings):
         middle = 0.5 * (yes + no)

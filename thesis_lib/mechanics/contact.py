@@ -5,15 +5,15 @@
 | r              | `r`                    | m    | (d, n)                 | contact point from the centre of mass    |
 | v_C = v + ω × r| `v`                    | m/s  | d of (n,)              | velocity of the contact point            |
 | M_C⁻¹ = K      | `K`                    | 1/kg | d × d of (n,)          | contact space compliance                 |
-| G⁻¹            | `mobility`             | 1/(kg m²) | (n,) or (3, 3, n) | turning that a couple gives              |
+| G⁻¹            | `mobility`             | 1/(kg m²) | (n,) or (3, 3, n) | angular velocity per angular impulse     |
 | c              | `c`                    | N s  | d of (n,)              | impulse on the body                      |
 | α              | `alpha`                | 1    | (n,)                   | contact-space energy after over before   |
 
     K = 1/m + S G⁻¹ Sᵀ,    S = (−r_y, r_x)ᵀ in the plane,    S = −[r]ₓ in space
 
-Components are (t, n) in the plane and (t_1, t_2, n) in space.  What holds in both asks for `v`, `K`, `v_n` and `K_nn`;
-the planar names `v_t`, `K_tt`, `K_tn` are those of the thesis.  Arrays broadcast, so that a grid of parameters (G, 1)
-against n impacts is one call.
+Components are (t, n) in the plane and (t_1, t_2, n) in space.  Code for both uses `v`, `K`, `v_n` and `K_nn`; the
+planar names `v_t`, `K_tt`, `K_tn` are the names of the thesis.  Arrays broadcast: one call evaluates a grid of
+parameters (G, 1) for n impacts.
 """
 
 from functools import cached_property
@@ -30,14 +30,14 @@ Components = Any  # d arrays (n,): a tuple in the plane, an array in space
 
 
 class Contact:
-    """Velocity of the contact point and compliance of n contacts; in the plane tuples of arrays, in space arrays.
+    """Velocity of the contact point and compliance of n contacts: tuples of arrays in the plane, arrays in space.
 
     Attributes:
         v: velocity of the contact point in m/s, by component.
         K: compliance in 1/kg, by row and component.
-        r: contact point from the centre of mass in m, (d, n); None where nobody asks for it.
-        mobility: what a couple turns, in 1/(kg m²): (n,) or a number in the plane, (3, 3, n) in space; None as r.
-        mu, epsilon: coefficients of each impact, where they are known (`with_coefficients`).
+        r: contact point from the centre of mass in m, (d, n); None if not needed.
+        mobility: G⁻¹ in 1/(kg m²): (n,) or a number in the plane, (3, 3, n) in space; None if not needed.
+        mu, epsilon: coefficients of each impact, if known (`with_coefficients`).
     """
 
     r: np.ndarray
@@ -53,11 +53,11 @@ class Contact:
 
     @classmethod
     def planar(cls, v_t, v_n, K_tt, K_nn, K_tn) -> "Contact":
-        """The contact with these components, (n,) each."""
+        """Planar contacts with the given components, (n,) each."""
         return cls((v_t, v_n), ((K_tt, K_tn), (K_tn, K_nn)))
 
     def with_coefficients(self, mu: np.ndarray, epsilon: np.ndarray) -> "Contact":
-        """The same contact, with the coefficients (n,) of each impact."""
+        """The same contacts, with the coefficients (n,) of each impact."""
         return Contact(self.v, self.K, self.r, self.mobility, mu, epsilon)
 
     @property
@@ -82,7 +82,7 @@ class Contact:
 
     @cached_property
     def det(self) -> np.ndarray:
-        """det K > 0; in the plane 1/kg²."""
+        """Determinant of K, positive; in 1/kg² in the plane, 1/kg³ in space."""
         if self.dimension == 2:
             return self.K_tt * self.K_nn - self.K_tn * self.K_tn
         return (self.K[0] * cross(self.K[1], self.K[2])).sum(axis=0)
@@ -123,7 +123,7 @@ class Contact:
         return sum(a * b for a, b in zip(v, _product(self.inverse, v)))
 
     def alpha(self, *c: np.ndarray) -> np.ndarray:
-        """Level α of the energy ellipse on which the impulse lies (eq. 3.5): 1 keeps the energy, 0 takes all."""
+        """Level α of the energy ellipse on which the impulse lies (eq. 3.5): 1 conserves energy, 0 dissipates all."""
         return self.energy(*self.velocity_after(*c)) / self.energy(*self.v)
 
     def __getitem__(self, rows: np.ndarray | slice) -> "Contact":
@@ -142,10 +142,10 @@ class Contact:
 
 
 def contact(state: "State", r: np.ndarray, mobility: np.ndarray | float, inverse_mass: float = 1.0) -> Contact:
-    """The contacts of bodies in `state`, velocities those of the centre of mass, at r (d, n) in m from it (eq. 3.4).
+    """Contacts of bodies in `state`, with velocities of the centre of mass, at r (d, n) in m from it (eq. 3.4).
 
-    `mobility` is G⁻¹ over the mass, 1/(kg m²), as in the module's table; masses are 1 unless `inverse_mass` (1/kg)
-    says otherwise.
+    `mobility` is G⁻¹ in 1/(kg m²) as in the module's table; `inverse_mass` is in 1/kg, 1 by default: all quantities are
+    then per unit mass.
     """
     return contact_at(state.space, state.velocity, state.spin, r, mobility, inverse_mass)
 
@@ -158,7 +158,7 @@ def contact_at(
     mobility: np.ndarray | float,
     inverse_mass: float = 1.0,
 ) -> Contact:
-    """As `contact`, of velocity (d, n) in m/s and spin (turns, n) in rad/s."""
+    """Contacts as in `contact`, from velocity (d, n) in m/s and spin (turns, n) in rad/s."""
     if space.is_plane:
         (v_x, v_y), omega, (r_x, r_y) = velocity, spin[0], r
         x_I, y_I = r_x * mobility, r_y * mobility
@@ -178,9 +178,9 @@ def velocity_change(
     couple: np.ndarray | None = None,
     out: np.ndarray | None = None,
 ) -> np.ndarray:
-    """Change of the motion Δv = M⁻¹ Jᵀ c (d + turns, n) in m/s, rad/s by the impulse c and a couple (eq. 3.2).
+    """Change of the motion Δv = M⁻¹ Jᵀ c (d + turns, n) in m/s, rad/s due to the impulse c and a couple (eq. 3.2).
 
-    `couple` in N m s is (n,) in the plane, (3, n) in space; `out` takes the result.
+    `couple` in N m s is (n,) in the plane, (3, n) in space; the result is written to `out`, if given.
     """
     if len(r) == 2:
         c_t, c_n = c
@@ -201,6 +201,6 @@ def velocity_change(
 
 
 def _product(A: np.ndarray, b) -> np.ndarray:
-    """A b (3, ...) of matrices (3, 3, ...)."""
+    """Product A b (3, ...) of matrices (3, 3, ...) and vectors (3, ...)."""
     vectors = b if isinstance(b, np.ndarray) else np.array(np.broadcast_arrays(*b))
     return by_column("product", by_row(A), vectors)

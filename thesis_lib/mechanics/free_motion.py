@@ -1,16 +1,16 @@
-"""Free flight of n rigid bodies in space: a parabola, and Euler's motion without torque.
+"""Free flight of n rigid bodies in space: parabolic path, and Euler's motion without torque.
 
-The angular momentum per mass L = R G Rᵀ ω is constant, so that the attitude alone has to be integrated,
+The angular momentum per mass L = R G Rᵀ ω is constant; therefore only the attitude is integrated,
 
     Ṙ = [ω] R,    ω = W L,    W = R G⁻¹ Rᵀ,
 
-by power series in time, one after the other (`turning.py`).  Small changes φ of the attitude, dω₀ of the first spin and
-dL of the momentum follow
+by consecutive power series in time (`turning.py`).  Small changes φ of the attitude, dω₀ of the initial spin and dL of
+the momentum obey
 
     φ̇ = W (dL + L × φ),    dL = R₀ G R₀ᵀ dω₀,
 
-and have their series, too.  A turn of the first attitude *and* spin turns the whole motion, so the columns of the first
-attitude are 1 + Φ [ω₀], Φ those of the first spin.
+and are also given by power series.  A turn of the initial attitude *and* spin turns the whole motion: the derivatives
+with respect to the initial attitude are 1 + Φ [ω₀], where Φ are those with respect to the initial spin.
 
 | on paper | in code | unit       | shape               |                                                     |
 |----------|---------|------------|---------------------|-----------------------------------------------------|
@@ -31,9 +31,9 @@ import numpy as np
 
 from thesis_lib.mechanics.space import cross
 
-STEP = 0.6  # rad of one series: errs by some 1e-10 rad, and as much of a column
-KEPT = 8  # turns of bodies that are kept
-MOST_STEPS = 10_000  # a flight that turns further is an error in its data
+STEP = 0.6  # turn in rad per series; error about 1e-10 rad, relatively as much in the derivatives
+KEPT = 8  # number of cached results
+MOST_STEPS = 10_000  # a longer turn indicates an error in the data
 
 
 class Flight(NamedTuple):
@@ -46,14 +46,14 @@ class Flight(NamedTuple):
 def attitudes(
     attitude: np.ndarray, spin: np.ndarray, G: np.ndarray, tau: np.ndarray, step: float = STEP
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Attitudes (4, k, n) and spins (3, k, n) in rad/s in space at times `tau`, of torque-free motion.
+    """Attitudes (4, k, n) and spins (3, k, n) in rad/s at times `tau` of torque-free motion in space.
 
     Args:
-        attitude: (4, n) at time 0, unit quaternions.
-        spin: (3, n) at time 0, axes of the world, rad/s.
+        attitude: (4, n) unit quaternions at time 0.
+        spin: (3, n) rad/s at time 0, world axes.
         G: (3, 3) or (3, 3, n) inertia per mass in m², axes of the body.
-        tau: (k, n), (k, 1) or (k,) in s; where it is not finite, the results are NaN.
-        step: turn in rad that one series serves.
+        tau: (k, n), (k, 1) or (k,) in s; the results are NaN where `tau` is not finite.
+        step: turn in rad covered by one series.
 
     Raises:
         ValueError: a body turns by more than `MOST_STEPS` of these steps.
@@ -63,7 +63,7 @@ def attitudes(
 
 
 def spin_rate(attitude: np.ndarray, spin: np.ndarray, G: np.ndarray) -> np.ndarray:
-    """Angular acceleration (3, n) in rad/s² of torque-free bodies in space; arguments as of `attitudes`."""
+    """Angular acceleration (3, n) in rad/s² of torque-free bodies in space; arguments as in `attitudes`."""
     from thesis_lib.mechanics.turning import spins_up
 
     each, rate = _by_body(G), np.empty(spin.shape)
@@ -72,12 +72,12 @@ def spin_rate(attitude: np.ndarray, spin: np.ndarray, G: np.ndarray) -> np.ndarr
 
 
 def _by_body(G: np.ndarray) -> np.ndarray:
-    """G (3, 3) or (3, 3, n) as (n, 3, 3)."""
+    """Inertia G (3, 3) or (3, 3, n) reshaped to (1 or n, 3, 3)."""
     return np.ascontiguousarray(np.reshape(G, (9, -1)).T, float).reshape(-1, 3, 3)
 
 
 def flown(pose: np.ndarray, motion: np.ndarray, G: np.ndarray, a: np.ndarray, tau: np.ndarray) -> Flight:
-    """Poses and motions at times `tau`, under a constant acceleration and without torque; as in the module's table.
+    """Poses and motions at times `tau` under constant acceleration and without torque; see the module's table.
 
     Raises:
         ValueError: as `attitudes`.
@@ -90,7 +90,7 @@ def flown(pose: np.ndarray, motion: np.ndarray, G: np.ndarray, a: np.ndarray, ta
 
 
 def columns(attitude: np.ndarray, spin: np.ndarray, G: np.ndarray, tau: np.ndarray) -> np.ndarray:
-    """Turns (3, 6, k, n) at times `tau` by a small first turn and a change of the first spin; arguments as `attitudes`.
+    """Derivatives (3, 6, k, n) of the attitude at times `tau` by initial attitude and spin; arguments as `attitudes`.
 
     Raises:
         ValueError: as `attitudes`.
@@ -105,9 +105,9 @@ def columns(attitude: np.ndarray, spin: np.ndarray, G: np.ndarray, tau: np.ndarr
 def _integrated(
     q: np.ndarray, spin: np.ndarray, G: np.ndarray, tau: np.ndarray, step: float, with_columns: bool = False
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Attitudes (4, k, n), spins (3, k, n), and derivatives Φ (3, 3, k, n) of the attitudes; (3, 0, k, n) without.
+    """Attitudes (4, k, n), spins (3, k, n), and derivatives Φ (3, 3, k, n) of the attitudes, else (3, 0, k, n).
 
-    The last few are kept: a fit asks for the same turns at each of its steps.
+    The last few results are cached, because a fit requests the same turns in each of its steps.
     """
     parts = q, spin, _by_body(G), tau
     shapes = tuple(part.shape for part in parts)
@@ -124,7 +124,7 @@ def _kept(shapes: tuple, q: bytes, spin: bytes, G: bytes, tau: bytes, step: floa
     found = np.empty((4, *times.shape)), np.empty((3, *times.shape)), np.empty((3, 3 * with_columns, *times.shape))
     most = MOST_STEPS * step
     if follow(attitude, omega, each, *_inverse(shapes[2], G), times, step, most, *found) > most:
-        raise ValueError(f"a flight turns by more than {most:.3g} rad: are spins and times right?")
+        raise ValueError(f"a flight turns by more than {most:.3g} rad; check the spins and times")
     for array in found:
         array.flags.writeable = False
     return found
@@ -132,13 +132,13 @@ def _kept(shapes: tuple, q: bytes, spin: bytes, G: bytes, tau: bytes, step: floa
 
 @lru_cache(maxsize=KEPT)
 def _inverse(shape: tuple, G: bytes) -> tuple[np.ndarray, np.ndarray]:
-    """G⁻¹ (n, 3, 3), and its largest eigenvalue (n,)."""
+    """Inverse inertia G⁻¹ (n, 3, 3) and its largest eigenvalue (n,)."""
     inverse = np.linalg.inv(np.frombuffer(G).reshape(shape))
     return inverse, np.linalg.eigvalsh(inverse)[:, -1]
 
 
 def _grid(tau: np.ndarray, n: int) -> np.ndarray:
-    """Times (k, n) of times (k, n), (k, 1) or (k,)."""
+    """Times (k, n), (k, 1) or (k,) broadcast to (k, n)."""
     tau = np.asarray(tau, dtype=float)
     if tau.shape == (len(tau), n):
         return tau

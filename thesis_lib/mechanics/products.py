@@ -1,15 +1,15 @@
-"""Products of n vectors and quaternions in space, compiled; what they mean stands in `space.py`.
+"""Compiled products of n vectors and quaternions in space; `space.py` explains them.
 
-numba compiles this file at the first call, in some seconds, and keeps the result beside it.  Arrays are (c, n); one of
-a single column goes with all n of the others.
+numba compiles this file at the first call, in a few seconds, and caches the result next to it.  Arrays are (c, n); an
+array with a single column is used with all n columns of the other one.
 """
 
 import numpy as np
 from numba import njit, types
 
-SMALL = 1e-4  # rad: half angles below it are by their series, exact to rounding
+SMALL = 1e-4  # rad: smaller half angles use a power series, exact to rounding
 
-_of = types.Array(types.float64, 2, "A", readonly=True)  # of any layout, so that each is compiled once
+_of = types.Array(types.float64, 2, "A", readonly=True)  # any memory layout: each function is compiled once
 _two, _three = types.Array(types.float64, 2, "C"), types.Array(types.float64, 3, "C")
 
 
@@ -19,7 +19,7 @@ def _compiled(result, arguments: int):
 
 @_compiled(_two, 2)
 def cross(a, b):
-    """a × b (3, n)."""
+    """Vector product a × b (3, n)."""
     n, one_a, one_b = a.shape[1] if b.shape[1] == 1 else b.shape[1], a.shape[1] == 1, b.shape[1] == 1
     product = np.empty((3, n))
     for i in range(n):
@@ -31,7 +31,7 @@ def cross(a, b):
 
 @_compiled(_two, 2)
 def multiplied(p, q):
-    """p q (4, n)."""
+    """Product p q (4, n) of quaternions."""
     n, one_p, one_q = p.shape[1] if q.shape[1] == 1 else q.shape[1], p.shape[1] == 1, q.shape[1] == 1
     product = np.empty((4, n))
     for i in range(n):
@@ -46,7 +46,7 @@ def multiplied(p, q):
 
 @_compiled(_two, 2)
 def rotated(q, u):
-    """u (3, n) turned by q (4, n)."""
+    """Vectors u (3, n) turned by quaternions q (4, n)."""
     n, one_q, one_u = q.shape[1] if u.shape[1] == 1 else u.shape[1], q.shape[1] == 1, u.shape[1] == 1
     turned = np.empty((3, n))
     for i in range(n):
@@ -61,7 +61,7 @@ def rotated(q, u):
 
 @_compiled(_three, 1)
 def rotation_matrix(q):
-    """R (3, 3, n)."""
+    """Rotation matrices R (3, 3, n) of quaternions (4, n)."""
     n = q.shape[1]
     R = np.empty((3, 3, n))
     for i in range(n):
@@ -75,7 +75,7 @@ def rotation_matrix(q):
 
 @_compiled(_two, 1)
 def of_rotation_vector(turn):
-    """Quaternions (4, n)."""
+    """Quaternions (4, n) of rotation vectors (3, n) in rad."""
     n = turn.shape[1]
     q = np.empty((4, n))
     for i in range(n):
@@ -88,7 +88,7 @@ def of_rotation_vector(turn):
 
 @_compiled(_two, 1)
 def rotation_vector(q):
-    """The shortest turns (3, n) in rad."""
+    """Shortest rotation vectors (3, n) in rad of quaternions (4, n)."""
     n = q.shape[1]
     turn = np.empty((3, n))
     for i in range(n):
@@ -102,7 +102,7 @@ def rotation_vector(q):
 
 @_compiled(_two, 2)
 def turned_by(turn, attitude):
-    """Attitudes (4, n) after turns (3, n) in rad about axes of the world."""
+    """Attitudes (4, n) after turns (3, n) in rad about world axes."""
     return multiplied(of_rotation_vector(turn), attitude)
 
 
@@ -117,7 +117,7 @@ def turn_between(first, second):
 
 @_compiled(_three, 2)
 def in_world(G, q):
-    """R G Rᵀ (3, 3, n) of G (9, n) by row."""
+    """R G Rᵀ (3, 3, n) of matrices G (9, n), stored row by row."""
     n, one = q.shape[1], G.shape[1] == 1
     R, turned = rotation_matrix(q), np.empty((3, 3, n))
     for i in range(n):
@@ -134,7 +134,7 @@ def in_world(G, q):
 
 @_compiled(_two, 1)
 def inverse(G):
-    """The inverses (9, n) of symmetric matrices (9, n) by row."""
+    """Inverses (9, n) of symmetric matrices (9, n), stored row by row."""
     found = np.empty(G.shape)
     for i in range(G.shape[1]):
         a, b, c, d, e, f = G[0, i], G[1, i], G[2, i], G[4, i], G[5, i], G[8, i]
@@ -149,7 +149,7 @@ def inverse(G):
 
 @_compiled(_two, 2)
 def product(A, b):
-    """A b (3, n) of matrices A (9, n) by row."""
+    """Products A b (3, n) of vectors b and matrices A (9, n), stored row by row."""
     n, one_A, one_b = A.shape[1] if b.shape[1] == 1 else b.shape[1], A.shape[1] == 1, b.shape[1] == 1
     found = np.empty((3, n))
     for i in range(n):
@@ -163,7 +163,7 @@ def product(A, b):
 
 @_compiled(_three, 2)
 def compliance(r, mobility):
-    """S G⁻¹ Sᵀ (3, 3, n), S = −[r]ₓ, of G⁻¹ (9, n) by row."""
+    """S G⁻¹ Sᵀ (3, 3, n) with S = −[r]ₓ, of G⁻¹ (9, n), stored row by row."""
     n, one = r.shape[1], mobility.shape[1] == 1
     K = np.empty((3, 3, n))
     for i in range(n):

@@ -1,7 +1,7 @@
-"""The plane and space: what a pose, a velocity and a turn are in each of them.
+"""The plane and space: components of poses, velocities and turns, and operations on them.
 
-All else asks a `Space`, so that one equation serves both.  Arrays hold components first: n vectors are (d, n), n poses
-(d + attitude, n), n motions (d + turns, n).
+All other code uses a `Space`, so that one equation covers both.  The first axis of an array is the component: n vectors
+are (d, n), n poses (d + attitude, n), n motions (d + turns, n).
 
 | on paper      | in code    | plane             | space                          | axes   |
 |---------------|------------|-------------------|--------------------------------|--------|
@@ -11,8 +11,8 @@ All else asks a `Space`, so that one equation serves both.  Arrays hold componen
 | small turn φ  |            | 1: rad            | 3: rotation vector, rad        | world  |
 | normal        |            | +y                | +z                             | world  |
 
-A contact has the components (t, n) in the plane, (t_1, t_2, n) in space, along the axes of the world.  Quaternions are
-Hamilton's; (w, x, y, z) and its opposite are the same attitude.
+A contact has the components (t, n) in the plane, (t_1, t_2, n) in space, along world axes.  Quaternions are Hamilton's;
+(w, x, y, z) and its negative represent the same attitude.
 Source: Solà 2017, Quaternion kinematics for the error-state Kalman filter, arXiv:1711.02508.
 """
 
@@ -23,12 +23,12 @@ import numpy as np
 
 @dataclass(frozen=True)
 class Space:
-    """The plane or space: numbers of components, and what can be done with them.
+    """The plane or space: numbers of components, and operations on poses, motions and vectors.
 
     Attributes:
-        dimension: d, components of a position.
-        attitude: numbers that give an attitude.
-        turns: components of a spin and of a small turn.
+        dimension: number d of components of a position.
+        attitude: number of components of an attitude.
+        turns: number of components of a spin and of a small turn.
     """
 
     dimension: int
@@ -37,12 +37,12 @@ class Space:
 
     @property
     def poses(self) -> int:
-        """Numbers of a pose."""
+        """Number of components of a pose."""
         return self.dimension + self.attitude
 
     @property
     def motions(self) -> int:
-        """Components of a motion, and of a small change of a pose."""
+        """Number of components of a motion and of a small change of a pose."""
         return self.dimension + self.turns
 
     @property
@@ -51,39 +51,39 @@ class Space:
 
     # vectors ----------------------------------------------------------------------------------------------------
     def velocity_at(self, velocity: np.ndarray, spin: np.ndarray, r: np.ndarray) -> np.ndarray:
-        """Velocity v + ω × r (d, n) in m/s of the point at r (d, n) in m from that which moves with v (d, n)."""
+        """Velocity v + ω × r (d, n) in m/s of a point at r (d, n) in m from the point that moves with v (d, n)."""
         if self.is_plane:
             return np.array((velocity[0] - spin[0] * r[1], velocity[1] + spin[0] * r[0]))
         return velocity + cross(spin, r)
 
     def moment(self, r: np.ndarray, f: np.ndarray) -> np.ndarray:
-        """Moment r × f (turns, n) of what acts at r (d, n)."""
+        """Moment r × f (turns, n) of a force or impulse f that acts at r (d, n)."""
         if self.is_plane:
             return (r[0] * f[1] - r[1] * f[0])[None]
         return cross(r, f)
 
     def turned(self, attitude: np.ndarray, u: np.ndarray) -> np.ndarray:
-        """Vectors u (d, n) or (d, 1) in axes of the body, in those of the world."""
+        """Components in world axes of vectors u (d, n) or (d, 1) given in body axes."""
         if self.is_plane:
             sin, cos = np.sin(attitude[0]), np.cos(attitude[0])
             return np.stack([cos * u[0] - sin * u[1], sin * u[0] + cos * u[1]])
         return rotated(attitude, u)
 
     def turned_back(self, attitude: np.ndarray, u: np.ndarray) -> np.ndarray:
-        """Vectors u (d, n) or (d, 1) in axes of the world, in those of the body."""
+        """Components in body axes of vectors u (d, n) or (d, 1) given in world axes."""
         return self.turned(-attitude if self.is_plane else conjugate(attitude), u)
 
     # attitudes --------------------------------------------------------------------------------------------------
     def attitude_after(self, attitude: np.ndarray, turn: np.ndarray) -> np.ndarray:
-        """Attitude after a turn by the rotation vectors `turn` (turns, n) in rad, about axes of the world."""
+        """Attitude after a turn by the rotation vectors `turn` (turns, n) in rad about world axes."""
         if self.is_plane:
             return attitude + turn
         return by_column("turned_by", turn, attitude)
 
     def turn_between(self, first: np.ndarray, second: np.ndarray) -> np.ndarray:
-        """Rotation vector (turns, n) in rad, about axes of the world, from the first attitude to the second.
+        """Rotation vector (turns, n) in rad about world axes from the first attitude to the second.
 
-        In space it is the shortest one; in the plane angles count on.
+        In space it is the shortest one; in the plane, full turns count.
         """
         if self.is_plane:
             return second - first
@@ -97,7 +97,7 @@ class Space:
         return np.concatenate([pose[:d] + change[:d], self.attitude_after(pose[d:], change[d:])])
 
     def difference(self, second: np.ndarray, first: np.ndarray) -> np.ndarray:
-        """Change (d + turns, n) in m, rad from the first poses to the second; `shift` undoes it."""
+        """Change (d + turns, n) in m, rad from the first poses to the second; the inverse of `shift`."""
         if self.is_plane:
             return second - first
         d = self.dimension
@@ -109,8 +109,8 @@ SPACE = Space(3, 4, 3)
 
 
 def by_column(name: str, *arrays: np.ndarray) -> np.ndarray:
-    """Result of a kernel of `products` for arrays (c, ...), which broadcast beyond their components."""
-    from thesis_lib.mechanics import products  # numba comes with it
+    """Result of the function `name` of `products` for arrays (c, ...), which broadcast beyond their first axis."""
+    from thesis_lib.mechanics import products  # the module imports numba
 
     kernel = getattr(products, name)
     for array in arrays:
@@ -126,22 +126,22 @@ def by_column(name: str, *arrays: np.ndarray) -> np.ndarray:
 
 
 def by_row(A: np.ndarray) -> np.ndarray:
-    """Matrices (3, 3, ...) as (9, ...), row by row."""
+    """Matrices (3, 3, ...) reshaped to (9, ...), row by row."""
     return np.reshape(A, (9, *np.shape(A)[2:]))
 
 
 def cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """a × b (3, ...) of vectors (3, ...)."""
+    """Vector product a × b (3, ...) of vectors (3, ...)."""
     return by_column("cross", a, b)
 
 
 def multiplied(p: np.ndarray, q: np.ndarray) -> np.ndarray:
-    """Product p q (4, ...) of quaternions: first the turn q, then p."""
+    """Product p q (4, ...) of quaternions: the turn q followed by the turn p."""
     return by_column("multiplied", p, q)
 
 
 def conjugate(q: np.ndarray) -> np.ndarray:
-    """The opposite turn (4, ...) of unit quaternions."""
+    """Conjugates (4, ...) of unit quaternions: the inverse turns."""
     opposite = -q
     opposite[0] = q[0]
     return opposite
@@ -159,7 +159,7 @@ def about_normal(angle: np.ndarray | float, u: np.ndarray) -> np.ndarray:
 
 
 def rotation_matrix(q: np.ndarray) -> np.ndarray:
-    """Matrices (3, 3, ...) of unit quaternions q (4, ...): columns are the axes of the body in the world."""
+    """Rotation matrices (3, 3, ...) of unit quaternions q (4, ...); their columns are the body axes in the world."""
     return by_column("rotation_matrix", q)
 
 
@@ -169,17 +169,17 @@ def of_rotation_vector(turn: np.ndarray) -> np.ndarray:
 
 
 def rotation_vector(q: np.ndarray) -> np.ndarray:
-    """The shortest rotation vectors (3, ...) in rad of unit quaternions (4, ...)."""
+    """Shortest rotation vectors (3, ...) in rad of unit quaternions (4, ...)."""
     return by_column("rotation_vector", q)
 
 
 def of_rotation_matrix(R: np.ndarray) -> np.ndarray:
-    """Unit quaternion (4,) of a rotation matrix (3, 3), from the largest of its numbers (Shepperd 1978)."""
+    """Unit quaternion (4,) of a rotation matrix (3, 3), computed from its largest component (Shepperd 1978)."""
     trace = np.trace(R)
     squares = 0.25 * (1.0 + np.append(trace, 2.0 * np.diag(R) - trace))  # of w, x, y, z
     w, x, y, z = R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1], 0.0
     xy, xz, yz = R[1, 0] + R[0, 1], R[0, 2] + R[2, 0], R[2, 1] + R[1, 2]
-    products = 0.25 * np.array([[z, w, x, y], [w, z, xy, xz], [x, xy, z, yz], [y, xz, yz, z]])  # of two of them
+    products = 0.25 * np.array([[z, w, x, y], [w, z, xy, xz], [x, xy, z, yz], [y, xz, yz, z]])  # of pairs of w, x, y, z
     i = int(squares.argmax())
     largest = np.sqrt(squares[i])
     q = products[i] / largest

@@ -17,17 +17,17 @@ import numpy as np
 
 from thesis_lib.mechanics.space import PLANE, Space, cross
 
-AS_FILMED = -1  # surface of a body that is described in the axes of the recording
+AS_FILMED = -1  # value of `surface` for bodies described in the axes of the recording
 # rows of pose (0) and motion (1)
 _ROWS = {"x": (0, 0), "y": (0, 1), "theta": (0, 2), "vx": (1, 0), "vy": (1, 1), "omega": (1, 2)}
 
 
 class State:
-    """Poses and motions of n bodies; nothing changes them.
+    """Poses and motions of n bodies; immutable.
 
-    `trial` numbers releases in the order in which they were made, `t` is the time since the first sample.  Where there
-    are several surfaces, `surface` is the number of the one in whose axes the body is described, `AS_FILMED` for those
-    of the recording; with a single one it is None.
+    `trial` numbers releases in the order in which they were made; `t` is the time since the first sample.  `surface` is
+    None with a single surface; with several it is the number of the surface in whose axes the body is described, or
+    `AS_FILMED` for the axes of the recording.
     """
 
     __slots__ = ("_cos_sin", "_tile_of", "motion", "pose", "space", "surface", "t", "trial")
@@ -42,7 +42,7 @@ class State:
         space: Space = PLANE,
     ) -> None:
         self.pose, self.motion, self.trial, self.t, self.surface, self.space = pose, motion, trial, t, surface, space
-        # in the plane: cos θ and sin θ once they are asked for, and the state and number of copies that have them, too
+        # in the plane: cos θ and sin θ once computed; the state of which this one holds copies, and their number
         self._cos_sin: tuple[np.ndarray, np.ndarray] | None = None
         self._tile_of: tuple[State, int] | None = None
 
@@ -56,18 +56,18 @@ class State:
         surface: np.ndarray | None = None,
         space: Space = PLANE,
     ) -> "State":
-        """The state with poses q (n, ·) and motions v (n, ·), a row for each body."""
+        """State with poses q (n, ·) and motions v (n, ·), one row per body."""
         return cls(q.T, v.T, trial, t, surface, space)
 
     @classmethod
     def planar(cls, x, y, theta, vx, vy, omega, trial, t, surface: np.ndarray | None = None) -> "State":
-        """The planar state with these arrays (n,) in m, rad, m/s, rad/s, s."""
+        """Planar state with the given arrays (n,) in m, rad, m/s, rad/s, s."""
         x, y, theta, vx, vy, omega = np.broadcast_arrays(x, y, theta, vx, vy, omega)
         return cls(np.array((x, y, theta)), np.array((vx, vy, omega)), trial, t, surface)
 
     @classmethod
     def empty(cls, space: Space = PLANE) -> "State":
-        """No bodies."""
+        """State without bodies."""
         none = np.zeros(0)
         return cls(np.zeros((space.poses, 0)), np.zeros((space.motions, 0)), none, none, None, space)
 
@@ -77,7 +77,7 @@ class State:
     # components -------------------------------------------------------------------------------------------------
     @property
     def position(self) -> np.ndarray:
-        """(d, n) in m."""
+        """Position (d, n) in m."""
         return self.pose[: self.space.dimension]
 
     @property
@@ -87,12 +87,12 @@ class State:
 
     @property
     def velocity(self) -> np.ndarray:
-        """(d, n) in m/s."""
+        """Velocity (d, n) in m/s."""
         return self.motion[: self.space.dimension]
 
     @property
     def spin(self) -> np.ndarray:
-        """(turns, n) in rad/s, in axes of the world."""
+        """Angular velocity (turns, n) in rad/s, in world axes."""
         return self.motion[self.space.dimension :]
 
     @property
@@ -126,23 +126,23 @@ class State:
 
     @property
     def q(self) -> np.ndarray:
-        """Poses by row (n, d + attitude), a copy."""
+        """Copy of the poses, one row per body (n, d + attitude)."""
         return np.array(self.pose).T
 
     @property
     def v(self) -> np.ndarray:
-        """Motions by row (n, d + turns), a copy."""
+        """Copy of the motions, one row per body (n, d + turns)."""
         return np.array(self.motion).T
 
     def turned(self, u: np.ndarray) -> np.ndarray:
-        """Vectors u (d, n) or (d, 1) in axes of the bodies, in those of the world."""
+        """Components in world axes of vectors u (d, n) or (d, 1) given in the axes of the bodies."""
         if not self.space.is_plane:
             return self.space.turned(self.attitude, u)
         cos, sin = self._cosine_and_sine()
         return np.array((cos * u[0] - sin * u[1], sin * u[0] + cos * u[1]))
 
     def _cosine_and_sine(self) -> tuple[np.ndarray, np.ndarray]:
-        """cos θ and sin θ (n,), computed once for each pose: they took a tenth of a critique of episodes."""
+        """cos θ and sin θ (n,), computed once per pose: they took a tenth of the time of a critique of episodes."""
         if self._cos_sin is None:
             if self._tile_of is not None:
                 one, copies = self._tile_of
@@ -160,20 +160,20 @@ class State:
         velocity: np.ndarray | None = None,
         spin: np.ndarray | None = None,
     ) -> "State":
-        """The same state with some of its parts replaced, arrays as the properties give them."""
+        """Copy with the given parts replaced; the arrays have the shapes of the properties."""
         first, then = slice(self.space.dimension), slice(self.space.dimension, None)
         parts = ((0, first, position), (0, then, attitude), (1, first, velocity), (1, then, spin))
         return self._with([part for part in parts if part[2] is not None], self.trial, self.t)
 
     def moved(self, **changes: np.ndarray) -> "State":
-        """The same planar state with some of x, y, theta, vx, vy, omega (n,), trial and t replaced."""
+        """Copy of a planar state with some of x, y, theta, vx, vy, omega (n,), trial and t replaced."""
         trial, t = changes.pop("trial", self.trial), changes.pop("t", self.t)
         if strange := changes.keys() - _ROWS.keys():
-            raise TypeError(f"a planar state has no {strange.pop()!r}")
+            raise TypeError(f"a planar state does not have the component {strange.pop()!r}")
         return self._with([(*_ROWS[name], array) for name, array in changes.items()], trial, t)
 
     def _with(self, parts: list, trial: np.ndarray, t: np.ndarray) -> "State":
-        """The same state with (0 for pose or 1 for motion, rows, new values) replaced."""
+        """Copy with the `parts` (0 for pose or 1 for motion, rows, new values) replaced."""
         arrays = [self.pose, self.motion]
         for which in {part[0] for part in parts}:
             arrays[which] = np.array(arrays[which])
@@ -184,12 +184,12 @@ class State:
         return made._posed_as(self) if pose is self.pose else made
 
     def shifted(self, change: np.ndarray, faster: np.ndarray) -> "State":
-        """The states after small changes of pose and motion by row, each (n, d + turns)."""
+        """States after small changes of pose and motion, each (n, d + turns), one row per body."""
         pose = self.space.shift(self.pose, change.T)
         return State(pose, self.motion + faster.T, self.trial, self.t, self.surface, self.space)
 
     def corrected(self, wanted: "State", found: "State") -> "State":
-        """The states moved by what those that are `wanted` have over those that were `found`."""
+        """States moved by the difference of the states `wanted` from the states `found`."""
         motion = self.motion + wanted.motion - found.motion
         if self.space.is_plane:
             return self.with_pose(self.pose + wanted.pose - found.pose).with_motion(motion)
@@ -197,21 +197,21 @@ class State:
         return self.with_pose(self.space.shift(self.pose, change)).with_motion(motion)
 
     def with_pose(self, pose: np.ndarray) -> "State":
-        """The same motions with poses (d + attitude, n)."""
+        """Copy with the poses replaced by (d + attitude, n)."""
         return State(pose, self.motion, self.trial, self.t, self.surface, self.space)
 
     def with_motion(self, motion: np.ndarray) -> "State":
-        """The same poses with motions (d + turns, n)."""
+        """Copy with the motions replaced by (d + turns, n)."""
         return State(self.pose, motion, self.trial, self.t, self.surface, self.space)._posed_as(self)
 
     def with_velocity(self, v: np.ndarray) -> "State":
-        """The same poses with motions by row v (n, d + turns)."""
+        """Copy with the motions replaced by v (n, d + turns), one row per body."""
         return self.with_motion(v.T)
 
     def flown(self, a: np.ndarray, h: np.ndarray | float) -> "State":
-        """The state after times h (n,) in s of constant acceleration by row a (n, d + turns) in m/s², rad/s²."""
+        """State after times h (n,) in s of constant accelerations a (n, d + turns) in m/s², rad/s²."""
         change = h * self.motion + 0.5 * h * h * a.T
-        if not self.space.is_plane:  # turns do not commute: the next term of Magnus's series
+        if not self.space.is_plane:  # turns do not commute: the next term of the Magnus series
             d = self.space.dimension
             change[d:] -= h**3 / 12.0 * cross(self.spin, a.T[d:])
         return State(
@@ -219,31 +219,31 @@ class State:
         )
 
     def select(self, rows: np.ndarray | slice) -> "State":
-        """The bodies at `rows`."""
+        """State of the bodies at `rows`."""
         surface = None if self.surface is None else self.surface[rows]
         return State(self.pose[:, rows], self.motion[:, rows], self.trial[rows], self.t[rows], surface, self.space)
 
     def put(self, rows: np.ndarray, new: "State") -> "State":
-        """The same state with the bodies at `rows` replaced by those of `new`."""
+        """Copy with the bodies at `rows` replaced by the bodies of `new`."""
         arrays = [np.array(array) for array in (self.pose, self.motion, self.trial, self.t)]
         for array, replacing in zip(arrays, (new.pose, new.motion, new.trial, new.t)):
             array[..., rows] = replacing
         return State(*arrays, self.surface, self.space)
 
     def tiled(self, copies: int) -> "State":
-        """The bodies `copies` times, one set after the other."""
+        """State with the bodies repeated `copies` times, one set after the other."""
         made = self.joined([self] * copies)
         made._tile_of = self, copies
         return made
 
     def _posed_as(self, other: "State") -> "State":
-        """This state, with what is known of the poses that it shares with the other."""
+        """This state, with the cached values of the poses that it shares with the other state."""
         self._cos_sin, self._tile_of = other._cos_sin, other._tile_of
         return self
 
     @staticmethod
     def joined(states: "Sequence[State]") -> "State":
-        """The bodies of all states, one after the other."""
+        """State with the bodies of all states, one after the other."""
         first = states[0]
         surface = None if first.surface is None else np.concatenate([state.surface for state in states])
         parts = [[state.pose, state.motion, state.trial, state.t] for state in states]

@@ -1,36 +1,36 @@
-"""Torque-free turning of n bodies, compiled; its equations stand in `free_motion.py`.
+"""Compiled torque-free rotation of n bodies; see `free_motion.py` for the equations.
 
-In axes of the body, with M = Rᵀ L, Ω = G⁻¹ M, N = Rᵀ dL and η = Rᵀ φ,
+In body axes, with M = Rᵀ L, Ω = G⁻¹ M, N = Rᵀ dL and η = Rᵀ φ,
 
     q̇ = ½ q Ω,    Ṁ = M × Ω,    Ṅ = N × Ω,    η̇ = G⁻¹ (N + M × η) − Ω × η,
 
-so that each coefficient of their power series follows from those before it.  One series serves all times near to its
-own, and makes many times of a flight cost little more than one.
+so that each coefficient of their power series follows from the preceding ones.  One series covers all times near its
+start: many times of a flight cost little more than one.
 
-numba compiles this file at the first call, in some seconds, and keeps the result beside it.  What is compiled must
-stand here, since numba does not see changes of functions in other files.
+numba compiles this file at the first call, in a few seconds, and caches the result next to it.  All compiled functions
+must be in this file, because numba does not detect changes to functions in other files.
 """
 
 import numpy as np
 from numba import njit, types
 
-ORDER = 12  # of the series
+ORDER = 12  # order of the series
 
 compiled = njit(cache=True, error_model="numpy")
-# of any layout, so that each is compiled once
+# any memory layout: each function is compiled once
 _given = [types.Array(types.float64, k, "A", readonly=True) for k in range(4)]
 _new = [types.Array(types.float64, k, "C") for k in range(5)]
 
 
 @compiled
 def _rows(A):
-    """A matrix (3, 3) as three rows."""
+    """Rows of a matrix (3, 3) as three tuples."""
     return (A[0, 0], A[0, 1], A[0, 2]), (A[1, 0], A[1, 1], A[1, 2]), (A[2, 0], A[2, 1], A[2, 2])
 
 
 @compiled
 def _axes(w, x, y, z):
-    """Rotation matrix of a unit quaternion as three rows: columns are the axes of the body in the world."""
+    """Rows of the rotation matrix of a unit quaternion; its columns are the body axes in the world."""
     return (
         (1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - w * z), 2.0 * (x * z + w * y)),
         (2.0 * (x * y + w * z), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - w * x)),
@@ -47,7 +47,7 @@ def _times(A, u):
 
 @compiled
 def _back(A, u):
-    """Aᵀ u."""
+    """Product Aᵀ u."""
     a, b, c = A
     x, y, z = u
     return a[0] * x + b[0] * y + c[0] * z, a[1] * x + b[1] * y + c[1] * z, a[2] * x + b[2] * y + c[2] * z
@@ -60,7 +60,7 @@ def _cross(u, v):
 
 @njit([types.void(_given[2], _given[2], _given[3], _given[3], _new[2])], cache=True, error_model="numpy")
 def spins_up(attitude, spin, G, inverse, into):
-    """ω' = W (L × ω), L = R G Rᵀ ω, of n bodies (3, n), written into the last; G and inverse are (n or 1, 3, 3)."""
+    """Write ω' = W (L × ω), L = R G Rᵀ ω, of n bodies to `into` (3, n); G and inverse are (n or 1, 3, 3)."""
     for i in range(spin.shape[1]):
         own, R = min(i, len(G) - 1), _axes(attitude[0, i], attitude[1, i], attitude[2, i], attitude[3, i])
         omega = _back(R, (spin[0, i], spin[1, i], spin[2, i]))
@@ -70,9 +70,9 @@ def spins_up(attitude, spin, G, inverse, into):
 
 @compiled
 def _series(q, L, inverse, D, Q, M, N, E):
-    """Coefficients (`ORDER` + 1, ...) of q, (M, Ω), and by column N and η, into the last four.
+    """Write the coefficients (`ORDER` + 1, ...) of q, (M, Ω) and, by column, N and η to the last four arguments.
 
-    `E` holds the first η; D (3, c) is dL.
+    `E` contains the initial η; D (3, c) is dL.
     """
     R = _axes(q[0], q[1], q[2], q[3])
     Q[0, 0], Q[0, 1], Q[0, 2], Q[0, 3] = q
@@ -117,7 +117,7 @@ def _series(q, L, inverse, D, Q, M, N, E):
 
 @compiled
 def _attitude(Q, t):
-    """The unit quaternion at time t of the series."""
+    """Unit quaternion at time t of the series."""
     w, x, y, z = Q[ORDER, 0], Q[ORDER, 1], Q[ORDER, 2], Q[ORDER, 3]
     for k in range(ORDER - 1, -1, -1):
         w, x, y, z = w * t + Q[k, 0], x * t + Q[k, 1], y * t + Q[k, 2], z * t + Q[k, 3]
@@ -127,7 +127,7 @@ def _attitude(Q, t):
 
 @compiled
 def _turn(E, R, t, j):
-    """The column j of φ at time t of the series, at which the axes of the body are R."""
+    """Column j of φ at time t of the series, at which the rotation matrix is R."""
     x, y, z = E[ORDER, 0, j], E[ORDER, 1, j], E[ORDER, 2, j]
     for k in range(ORDER - 1, -1, -1):
         x, y, z = x * t + E[k, 0, j], y * t + E[k, 1, j], z * t + E[k, 2, j]
@@ -145,10 +145,10 @@ def _turn(E, R, t, j):
     error_model="numpy",
 )
 def follow(attitude, spin, G, inverse, largest, tau, step, most, attitudes, spins, columns):
-    """Attitudes (4, k, n), spins (3, k, n) and Φ (3, c, k, n) at times tau (k, n), written into the last three.
+    """Write attitudes (4, k, n), spins (3, k, n) and Φ (3, c, k, n) at times tau (k, n) to the last three arguments.
 
-    attitude (4, n) and spin (3, n) at time 0, G and its inverse (n or 1, 3, 3) with its largest eigenvalue (n or 1,),
-    `step` in rad; c = 0 for no columns.  Returns the farthest turn in rad; nothing is followed if it is beyond `most`.
+    attitude (4, n) and spin (3, n) are at time 0, G and its inverse (n or 1, 3, 3) with its largest eigenvalue
+    (n or 1,), `step` in rad; c = 0 gives no Φ.  Returns the largest turn in rad; beyond `most` nothing is integrated.
     """
     k, n = tau.shape
     c = columns.shape[1]
@@ -163,7 +163,7 @@ def follow(attitude, spin, G, inverse, largest, tau, step, most, attitudes, spin
         # least principal moment g: g |ω|² ≤ ω·G ω, which is constant
         twice = L[0] * omega[0] + L[1] * omega[1] + L[2] * omega[2]
         rate = np.sqrt((0.0 if twice < 0.0 else twice) * largest[own])
-        reach[i] = step / rate if 0.0 < rate < np.inf else np.inf  # of one series
+        reach[i] = step / rate if 0.0 < rate < np.inf else np.inf  # time covered by one series
         for row in range(k):
             turn = rate * abs(tau[row, i])
             if np.isfinite(turn):
@@ -180,7 +180,7 @@ def follow(attitude, spin, G, inverse, largest, tau, step, most, attitudes, spin
             R, moment = _axes(first[0], first[1], first[2], first[3]), _rows(G[own])
             for j in range(3):  # the columns of R G Rᵀ
                 D[0, j], D[1, j], D[2, j] = _times(R, _times(moment, R[j]))
-        for sign in (1.0, -1.0):  # onwards from time 0, then backwards
+        for sign in (1.0, -1.0):  # forwards from time 0, then backwards
             q, begun, P, last = first, 0.0, np.zeros((3, c)), -1.0
             for row in range(k):
                 if np.isfinite(tau[row, i]) and (tau[row, i] != 0.0 or sign > 0.0):

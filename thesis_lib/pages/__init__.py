@@ -1,10 +1,10 @@
-"""One frame, style and set of elements for every HTML page: critique, batch, run, claims ledger.
+"""Frame, style and elements shared by all HTML pages: critique, batch, run, claims ledger.
 
-Pages are Jinja2 templates beside the code that fills them; content is escaped unless it is `Markup` already.
-`page.html` is the frame that each extends, `elements.html` holds its parts.
+Pages are Jinja2 templates beside the code that fills them; content is escaped unless it is already `Markup`.
+`page.html` is the frame that all pages extend, `elements.html` contains their parts.
 
-A page is one file: it needs no network, and equal content gives equal bytes.  Text is readable without its script; a
-policy in the head lets the browser run only that script, and load nothing.
+A page is one file: it needs no network, and equal content gives equal bytes.  Text is readable without the script; a
+policy in the head allows the browser to run only this script, and to load nothing.
 """
 
 import base64
@@ -21,11 +21,11 @@ SHEET = FOLDER / "page.css"
 
 
 def page(template: Path, title: str, *, script: str = "", kind: str = "", **content: Any) -> str:
-    """A whole HTML document.
+    """Return a whole HTML document.
 
     Args:
         template: extends pages/page.html; `content` are its variables.
-        title: of page and window, as plain text.
+        title: title of page and window, as plain text.
         script: JavaScript, run when the page has loaded.
         kind: CSS class of the page: `wide` for tables of many columns.
     """
@@ -37,12 +37,12 @@ def page(template: Path, title: str, *, script: str = "", kind: str = "", **cont
 
 
 def render(template: Path, **content: Any) -> Markup:
-    """A template filled with its content, as HTML that is not escaped again."""
+    """Return a template filled with its content, as HTML that is not escaped again."""
     return Markup(_environment().get_template(template.relative_to(FOLDER.parent).as_posix()).render(**content))
 
 
 def element(name: str, *content: Any) -> Markup:
-    """The macro `name` of elements.html applied to its arguments, as HTML that is not escaped again."""
+    """Apply the macro `name` of elements.html to its arguments; return HTML that is not escaped again."""
     return getattr(_environment().get_template("pages/elements.html").module, name)(*content)
 
 

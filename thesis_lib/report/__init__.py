@@ -1,1 +1,1 @@
-"""HTML pages: the critique of drops, of mechanisms and of a batch, and the page of a run."""
+"""HTML pages: critiques of drops, of mechanisms and of a batch, and the page of a run."""

@@ -1,7 +1,7 @@
 """Index of a batch of critiques: batch.csv, batch.json and index.html, which links to each report.
 
-A row per dataset, in the order of the command, with no times: a batch that was interrupted and resumed writes the same
-bytes.  foundation/columns.yaml explains the columns.
+One row per dataset, in the order of the command, without times: a batch that was interrupted and resumed writes the
+same bytes.  foundation/columns.yaml explains the columns.
 """
 
 from collections import Counter
@@ -23,11 +23,11 @@ COLUMNS = (
 INDEX_FILES = ("index.html", "batch.csv", "batch.json")
 TEMPLATE = Path(__file__).with_name("batch_index.html")
 NO_VERDICT = "too few impacts"
-SHOWN = 500  # characters of a reason; the dataset's log has all of it
+SHOWN = 500  # characters shown of a reason; the log of the dataset contains the full text
 
 
 def row_of_verdict(name: str, diagnosis: Mapping) -> dict:
-    """The row of a dataset from its diagnosis.json."""
+    """Return the row of a dataset, from its diagnosis.json."""
     groups = ("/".join([e["name"], *e["indistinguishable_from"]]) for e in diagnosis["effects"])
     base = diagnosis["base_model"]
     row = dict.fromkeys(COLUMNS) | {"dataset": name, "status": "done", "effects": " + ".join(groups)}
@@ -37,19 +37,19 @@ def row_of_verdict(name: str, diagnosis: Mapping) -> dict:
 
 
 def row_of_failure(name: str, reason: str) -> dict:
-    """The row of a dataset without a verdict; the reason becomes one line."""
+    """Return the row of a dataset without a verdict; the reason becomes one line."""
     text = plain(reason)
     text = text if len(text) <= SHOWN else f"{text[:SHOWN]} …"
     return dict.fromkeys(COLUMNS) | {"dataset": name, "status": "failed", "reason": text}
 
 
 def plain(text: str) -> str:
-    """Text on one line with unprintable characters made visible, because names and messages may be a stranger's."""
+    """Return text as one line with unprintable characters made visible, because names and messages are not trusted."""
     return visible(" ".join(text.split()))
 
 
 def write_index(rows: Sequence[Mapping], out: Path, *, total: int, seed: int, effects: Sequence[str] | None) -> None:
-    """Write batch.csv, batch.json and index.html into `out`, from the rows of those of `total` datasets that ended."""
+    """Write batch.csv, batch.json and index.html into `out`, from the rows of the finished among `total` datasets."""
     write_result(pd.DataFrame(rows, columns=COLUMNS).astype({"n_impacts": "Int64"}), out / "batch.csv")
     options = {"seed": seed, "switched_on": None if effects is None else list(effects)}
     write_json({"schema": 1, "n_datasets": total, **options, "datasets": list(rows)}, out / "batch.json")
@@ -57,7 +57,7 @@ def write_index(rows: Sequence[Mapping], out: Path, *, total: int, seed: int, ef
 
 
 def summary_text(rows: Sequence[Mapping], total: int) -> str:
-    """100 datasets: 61 effects, 30 adequate, 4 unexplained, 5 failed."""
+    """Return a summary such as "100 datasets: 61 effects, 30 adequate, 4 unexplained, 5 failed"."""
     counts = Counter(_word(row) for row in rows)
     counts["not reached"] = total - len(rows)
     order = ("effects", "adequate", "unexplained", NO_VERDICT, "failed", "not reached")
@@ -66,7 +66,7 @@ def summary_text(rows: Sequence[Mapping], total: int) -> str:
 
 
 def _word(row: Mapping) -> str:
-    """The verdict, or why there is none."""
+    """Return the verdict, or the reason why there is none."""
     return row["verdict"] or ("failed" if row["status"] == "failed" else NO_VERDICT)
 
 
@@ -88,7 +88,7 @@ def _page(rows: Sequence[Mapping], total: int) -> str:
 
 
 def _cells(row: Mapping, what: str) -> tuple[str, ...]:
-    """Cells of a dataset with a verdict; the first links to its report."""
+    """Return the cells of a dataset with a verdict; the first cell links to its report."""
     values = (row[key] for key in (what, "base", "augmented", "noise_floor"))
     numbers = ("" if x is None else f"{x:.3g}" if isinstance(x, float) else str(x) for x in values)
     link = _link(row["dataset"], f"{row['dataset']}/report.html")
@@ -96,4 +96,4 @@ def _cells(row: Mapping, what: str) -> tuple[str, ...]:
 
 
 def _link(name: str, path: str) -> Markup:
-    return element("link", f"./{quote(path)}", plain(name))  # "./": a name with a colon would read as a scheme
+    return element("link", f"./{quote(path)}", plain(name))  # "./": else a name with a colon is read as a scheme

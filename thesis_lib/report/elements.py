@@ -1,4 +1,4 @@
-"""Elements of a critique's page as HTML: numbers, sentences, tables and pictures."""
+"""HTML elements of a critique's page: numbers, sentences, tables and pictures."""
 
 import base64
 import re
@@ -18,24 +18,24 @@ _UNIT = re.compile(r"(?<=[\d\]]) (?=(?:%|m/s|mm|mrad|rad|rad/s|m|1/s|s|nats|sigm
 
 
 def paragraph(*sentences: str, kind: str = "") -> Markup:
-    """Sentences as one paragraph; empty without any."""
+    """Return sentences as one paragraph; empty without sentences."""
     text = " ".join(filter(None, map(str.strip, sentences)))
     return element("paragraph", _bound(text), kind) if text else Markup()
 
 
 def _bound(text: str) -> str:
-    """No line break between a number and its unit."""
+    """Return the text without line breaks between numbers and their units."""
     return _UNIT.sub("\u00a0", text)
 
 
 def bullets(items: Iterable[str]) -> Markup:
-    """A list; empty without items."""
+    """Return a list; empty without items."""
     shown = list(items)
     return element("bullets", shown) if shown else Markup()
 
 
 def table(caption: str, columns: Sequence[str], rows: Iterable[Sequence[str]], numeric: Collection[int] = ()) -> Markup:
-    """A table in a frame of its own that scrolls; empty without rows.
+    """Return a table in a scrolling frame; empty without rows.
 
     The first cell of a row is its heading; `numeric` columns are aligned right.
     """
@@ -44,7 +44,7 @@ def table(caption: str, columns: Sequence[str], rows: Iterable[Sequence[str]], n
 
 
 def picture(figure: Figure, caption: str, png: bytes | None = None) -> Markup:
-    """A figure as an embedded PNG (None: made here); its title and the caption form the alternative text."""
+    """Return a figure as an embedded PNG (`png` None: drawn here); title and caption form the alternative text."""
     title = " ".join(figure.get_suptitle().split())
     data = base64.b64encode(png or png_of(figure)).decode("ascii")
     width, height = (round(96 * inches) for inches in figure.get_size_inches())
@@ -52,7 +52,7 @@ def picture(figure: Figure, caption: str, png: bytes | None = None) -> Markup:
 
 
 def amount(value: float | None, unit: str = "", digits: int = 3) -> str:
-    """A number with its unit; "unknown" without a value."""
+    """Return a number with its unit; "unknown" without a value."""
     if value is None or not np.isfinite(value):
         return "unknown"
     factor, unit = handy_unit(value, unit)
@@ -60,7 +60,7 @@ def amount(value: float | None, unit: str = "", digits: int = 3) -> str:
 
 
 def interval(low: float | None, high: float | None, unit: str = "") -> str:
-    """A 95 % interval in brackets, to the digits in which its ends differ; '' if it is unknown."""
+    """Return a 95 % interval in brackets, to the digits in which its ends differ; '' if it is unknown."""
     if low is None or high is None or not (np.isfinite(low) and np.isfinite(high)):
         return ""
     ends = [fixed(end, carried(high - low)) if high > low else number(end) for end in (low, high)]
@@ -68,7 +68,7 @@ def interval(low: float | None, high: float | None, unit: str = "") -> str:
 
 
 def estimate(value: float, std: float, unit: str = "") -> str:
-    """A value with its 95 % interval and unit; without uncertainty, the value only."""
+    """Return a value with its 95 % interval and unit; without uncertainty, the value only."""
     if not np.isfinite(std) or std == 0.0:
         return amount(value, unit)
     low, high = value - Z95 * std, value + Z95 * std
@@ -78,7 +78,7 @@ def estimate(value: float, std: float, unit: str = "") -> str:
 
 
 def sized(p: Mapping) -> str:
-    """The value of a parameter of diagnosis.json with its 95 % interval, or its bound."""
+    """Return the value of a parameter of diagnosis.json with its 95 % interval, or its bound."""
     if not p.get("bound"):
         return estimate(p["value"], np.nan if p["std"] is None else p["std"], p["unit"])
     scale, unit = handy_unit(p["value"], p["unit"])
@@ -87,12 +87,12 @@ def sized(p: Mapping) -> str:
 
 
 def fitted(name: str, p: Mapping) -> str:
-    """A parameter of diagnosis.json with its 95 % interval, or its bound: c_μ = 0.12 [0.10, 0.14], μ at least 0.3."""
+    """Return a parameter of diagnosis.json with its interval or bound: c_μ = 0.12 [0.10, 0.14], μ at least 0.3."""
     return f"{symbol(name)} {'' if p.get('bound') else '= '}{sized(p)}"
 
 
 def plus_minus(value: float, std: float) -> str:
-    """A value and half its 95 % interval, to two digits of that half."""
+    """Return a value and half its 95 % interval, to two digits of the half-width."""
     half = Z95 * std
     if not np.isfinite(half) or half <= 0.0:
         return number(value)
@@ -100,7 +100,7 @@ def plus_minus(value: float, std: float) -> str:
 
 
 def percent(share: float | None) -> str:
-    """A share in per cent, with a decimal if it is small."""
+    """Return a share in per cent, with one decimal if it is small."""
     if share is None or not np.isfinite(share):
         return "unknown"
     if 0.0 < abs(share) < 0.0005:

@@ -1,1 +1,1 @@
-"""Planar bodies simulated by time stepping, with contact impulses from a linear complementarity problem."""
+"""Simulators of bodies and mechanisms in contact: time stepping, our own compliant contact, MuJoCo and Drake."""

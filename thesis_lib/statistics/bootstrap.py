@@ -21,12 +21,12 @@ def central_95(values: np.ndarray) -> tuple[float, float]:
 
 
 def draw_counts(n: int, draws: int, rng: np.random.Generator) -> np.ndarray:
-    """How often each of n trials is drawn in each resampling, (draws, n); rows sum to n."""
+    """Number of times that each of n trials is drawn in each resampling, (draws, n); rows sum to n."""
     return rng.multinomial(n, np.full(n, 1.0 / n), size=draws)
 
 
 def bootstrap_mean(values: np.ndarray, trial: np.ndarray, draws: int, rng: np.random.Generator) -> tuple[float, float]:
-    """95 % interval of the mean of `values` (n,), in their unit; only different trials (n,) are independent."""
+    """95 % interval of the mean of `values` (n,), in their unit; only values of different `trial` are independent."""
     trials, index = np.unique(trial, return_inverse=True)
     total, count = np.bincount(index, values), np.bincount(index).astype(float)
     counts = draw_counts(len(trials), draws, rng)
@@ -34,7 +34,7 @@ def bootstrap_mean(values: np.ndarray, trial: np.ndarray, draws: int, rng: np.ra
 
 
 def bootstrap_gain(gain: np.ndarray, n: int, draws: int, rng: np.random.Generator) -> tuple[float, float, float]:
-    """Sum of the gains of trials (T,) over the n cases in all of them, and its 95 % interval."""
+    """Gain per case, the sum of the gains of trials (T,) divided by n cases in all, and its 95 % interval."""
     low, high = central_95(draw_counts(len(gain), draws, rng) @ gain / n)
     return float(gain.sum() / n), low, high
 

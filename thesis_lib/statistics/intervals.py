@@ -44,7 +44,7 @@ def share_of(cases: np.ndarray) -> tuple[float, float]:
     cases = np.asarray(cases, float)
     cases = cases[np.isfinite(cases)]
     if not len(cases):
-        raise ValueError("there are no cases to take a share of")
+        raise ValueError("a share needs at least one case that is not NaN")
     share = float(cases.mean())
     return share, wilson_std(share, len(cases))
 
@@ -76,7 +76,7 @@ def mean_row(values: np.ndarray) -> tuple[float, float, float, float, int]:
 
 
 def clustered_mean(values: np.ndarray, trial: np.ndarray) -> tuple[float, float, float]:
-    """Mean of `values` (n,) and its 95 % interval, in their unit, if only different trials (n,) are independent.
+    """Mean of `values` (n,) and its 95 % interval, in their unit; only values of different `trial` are independent.
 
     From the linearised variance of Σ_t s_t / Σ_t n_t, with s_t the sum and n_t the number of values of trial t.  NaN
     without values; NaN bounds for a single trial.

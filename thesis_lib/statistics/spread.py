@@ -1,6 +1,6 @@
-"""Spread of normal values with a few outliers, from the median of their size.
+"""Spread of normal values with a few outliers, from the median of their magnitudes.
 
-    σ = median |x| / Φ⁻¹(3/4) = 1.4826 median |x|        of x ~ N(0, σ²)
+    σ = median |x| / Φ⁻¹(3/4) = 1.4826 median |x|        for x ~ N(0, σ²)
 
 Values with another mean are centred by the caller, on their median.  A quarter of the values may be outliers on either
 side before σ becomes unbounded.
@@ -24,15 +24,15 @@ def robust_std(values: np.ndarray, axis: int | None = 0) -> np.ndarray:
 
 
 def robust_mean(values: np.ndarray) -> tuple[float, float]:
-    """Median of `values` (n,) and its standard error, of normal errors, from their robust spread."""
+    """Median of `values` (n,) and its standard error for normal errors, from their robust spread."""
     median = float(np.median(values))
     return median, float(MEDIAN * robust_std(values - median) / np.sqrt(len(values)))
 
 
 def quantile_std(values: np.ndarray, share: float, axis: int | None = 0) -> np.ndarray:
-    """Standard deviation of `values` about zero from the size that the `share` of them stays below, in their unit.
+    """Standard deviation of `values` about zero from the quantile `share` of their magnitudes, in their unit.
 
-    With share = 1/2 this is `robust_std`; at 0.9 it sees a minority of large values that a median ignores.
+    With share = 1/2 this is `robust_std`; at 0.9 it includes a minority of large values that a median ignores.
     """
     return np.quantile(np.abs(values), share, axis=axis) / NormalDist().inv_cdf(0.5 * (1.0 + share))
 

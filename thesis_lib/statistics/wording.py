@@ -1,4 +1,4 @@
-"""Numbers and judgements in sentences: rounded as their uncertainty allows, with unit and sign."""
+"""Text of numbers and judgements in sentences: rounded as their uncertainty allows, with unit and sign."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -12,7 +12,7 @@ RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
 def number(value: float | None, digits: int = 3, unit: str = "") -> str:
-    """`value` to `digits` significant digits with its unit: 0.0831 m/s, −12.0 %, 1,240; "unknown" if it is None.
+    """Text of `value` to `digits` significant digits with its unit: 0.0831 m/s, −12.0 %, 1,240; "unknown" if None.
 
     Numbers below 10⁻⁴ and from 10⁶ on are written as powers of ten.
     """
@@ -30,13 +30,13 @@ def number(value: float | None, digits: int = 3, unit: str = "") -> str:
 
 
 def formatted(value: Any, as_: str) -> str:
-    """A value in Python's format `as_`, with a typographic minus sign, which a zero does not have."""
+    """Text of a value in Python's format `as_`, with a typographic minus sign, and none for zero."""
     sign = "+" * as_.startswith("+")
     return format(value, f"{sign}z{as_.removeprefix('+')}" if isinstance(value, float) else as_).translate(MINUS)
 
 
 def interval(value: float, low: float, high: float, unit: str = "") -> str:
-    """0.083 (0.079 to 0.087) m/s, to the digits in which the bounds differ."""
+    """Text of a value with its interval, to the digits in which the bounds differ: 0.083 (0.079 to 0.087) m/s."""
     width = abs(high - low)
     if not math.isfinite(value) or not math.isfinite(width) or width == 0.0:
         return number(value, unit=unit)
@@ -45,22 +45,22 @@ def interval(value: float, low: float, high: float, unit: str = "") -> str:
 
 
 def carried(width: float) -> int:
-    """Decimals of numbers that are known within an interval of this `width` > 0: two digits of it."""
+    """Number of decimals for values known within an interval of this `width` > 0: two digits of the width."""
     return max(0, 1 - math.floor(math.log10(width)))
 
 
 def fixed(value: float, decimals: int) -> str:
-    """−1,240.50: a number with so many decimals; one that rounds to zero has no sign."""
+    """Text of a number with so many decimals, as −1,240.50; one that rounds to zero has no sign."""
     return f"{value:z,.{decimals}f}".translate(MINUS)
 
 
 def estimate(value: float, std: float, unit: str = "") -> str:
-    """The same from the standard error of a normal estimate."""
+    """Text of a normal estimate with its 95 % interval, as of `interval`, from the standard error `std`."""
     return interval(value, *ends(value, std), unit)
 
 
 def bounded(p: Mapping[str, Any], unit: str = "") -> str:
-    """at least 0.057: a parameter of diagnosis.json of which the data give only a bound, in `unit`."""
+    """Text of a parameter of diagnosis.json that the data only bound, in `unit`: at least 0.057."""
     if p["bound"] == "lower" and p.get("range") and p["value"] <= p["range"][0]:
         return "not shown by these data"
     return f"at {'least' if p['bound'] == 'lower' else 'most'} {number(p['value'], 2)} {unit}".rstrip()
@@ -78,25 +78,25 @@ def side(low: float, high: float, of: float, words: tuple[str, str, str]) -> str
 
 
 def percent(share: float, digits: int = 2) -> str:
-    """0.123 -> 12 %.  Only a share of 1 is 100 %: 0.9963 -> 99.6 %."""
+    """Text of a share in per cent, 0.123 -> 12 %.  Only a share of 1 is 100 %: 0.9963 -> 99.6 %."""
     while 0.0 < share < 1.0 and float(f"{100.0 * share:.{digits - 1}e}") >= 100.0 and digits < 9:
         digits += 1
     return number(100.0 * share, 3 if share == 1.0 else digits, "%")
 
 
 def listed(names: Sequence[str], last: str = "and") -> str:
-    """a; a and b; a, b and c; "" without names."""
+    """Text of a list of names: a; a and b; a, b and c; "" without names."""
     *first, end = names or [""]
     return f"{', '.join(first)} {last} {end}" if first else end
 
 
 def times(ratio: float) -> str:
-    """0.30 times, 1.04 times, 41 times."""
+    """Text of a ratio: 0.30 times, 1.04 times, 41 times."""
     return f"{number(ratio, digits=3 if 1.0 <= ratio < 10.0 else 2)} times"
 
 
 def count(k: float, n: float) -> str:
-    """118 of 120 (94 to 100 %): k cases of n, and the 95 % Wilson interval of the share."""
+    """Text of k cases of n with the 95 % Wilson interval of the share: 118 of 120 (94 to 100 %)."""
     k, n = round(k), round(n)
     if n == 0:
         return "none of none"

@@ -1,1 +1,1 @@
-"""Studies that prove the library: hidden causes looked for, tables of the proof, pages written from the code."""
+"""Studies that test the library: searches for hidden causes, tables of the proof, pages generated from the code."""

@@ -1,1 +1,1 @@
-"""The thesis on the library: chapters 2 to 5, their figures, records, claims and pages; runs from a clone."""
+"""Chapters 2 to 5 of the thesis, built on the library: figures, records, claims and pages; runs from a clone."""

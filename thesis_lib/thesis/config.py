@@ -1,8 +1,8 @@
-"""The configuration of the pipeline as typed, checked data; the JSON schema is generated from it.
+"""The configuration of the pipeline as typed, checked data, from which the JSON schema is generated.
 
     python -m thesis_lib.thesis.config          writes config/schema.json (a test reports an outdated file)
 
-A number that we chose, because the thesis does not give it, is marked as such in its description.
+Numbers that we chose, because the thesis does not give them, are marked as own choices in their descriptions.
 """
 
 import json
@@ -37,11 +37,11 @@ from thesis_lib.thesis.residual.settings import LearningStudySettings
 
 SCHEMA = Path("config/schema.json")
 SHOWN = 100  # mistakes listed in full
-WIDEST = 500  # characters of one
+WIDEST = 500  # characters of one mistake
 
 
 class Chapter2(Section):
-    """Contact-implicit identification."""
+    """Settings of chapter 2, contact-implicit identification."""
 
     bodies: Chapter2Bodies = Chapter2Bodies()
     scenes: SceneSettings = SceneSettings()
@@ -55,35 +55,35 @@ class Chapter2(Section):
 
 
 class Chapter4(Section):
-    """Learned contact models."""
+    """Settings of chapter 4, learned contact models."""
 
     datasets: tuple[Name, ...] = Field(
         ("planar_impact", "planar_dice", "drops"),
-        description="datasets to learn from; measured ones that are not present are left out, and said so",
+        description="datasets to learn from; missing measured datasets are left out and reported",
     )
     dice_datasets: tuple[Name, ...] = Field(
         ("planar_dice",),
-        description="throws of a square to follow to rest; those that are not also in `datasets` and criticised are "
-        "left out",
+        description="throws of a square to follow to rest; datasets that are not also in `datasets` and criticised "
+        "are left out",
     )
     learning: LearningStudySettings = LearningStudySettings()
     dice: DiceStudySettings = DiceStudySettings()
 
 
 class Config(Section):
-    """The whole configuration; `config/config.yaml` spells out the defaults, overlays change some of them."""
+    """The whole configuration; `config/config.yaml` states the defaults, overlays change some of them."""
 
-    scale: Literal["quick", "default"] = Field("default", description="names the stored expectations")
+    scale: Literal["quick", "default"] = Field("default", description="selects the stored expectations")
     seed: Annotated[int, Field(ge=0)] = Field(
-        SEED, description="the one seed; every rule derives its own stream from it"
+        SEED, description="the only seed; every rule derives its own stream from it"
     )
     measured: tuple[str, ...] = Field(
-        ("data/measured",), description="folders searched for the measured datasets, in order"
+        ("data/measured",), description="folders that are searched for measured datasets, in order"
     )
     drops: SimulatedDrops = SimulatedDrops()
     arcs: ArcSettings = Field(ArcSettings(), description="detection of impacts and arc fits")
     first_trials: dict[Name, Annotated[int, Field(ge=10)]] = Field(
-        {}, description="dataset -> first trials in which chapters 2 to 4 look for impacts; others: all"
+        {}, description="dataset -> number of first trials in which chapters 2 to 4 search impacts; default: all"
     )
     chapter2: Chapter2 = Chapter2()
     chapter3: Chapter3 = Chapter3()
@@ -93,9 +93,9 @@ class Config(Section):
 
 
 def parse_config(values: dict, files: Sequence[str | Path] = ()) -> Config:
-    """Check a configuration that was read from YAML.
+    """Validate a configuration read from YAML.
 
-    `files` are those it was read from, later ones over earlier ones.  UserError lists every unknown key and wrong
+    `files` are its sources; later files override earlier ones.  UserError lists every unknown key and wrong
     value with its file and line.
     """
     try:
@@ -114,7 +114,7 @@ def parse_config(values: dict, files: Sequence[str | Path] = ()) -> Config:
 
 
 def _line(place: Place, documents: Mapping[str, Document]) -> str:
-    """File and line of a place, in the last file that sets it; empty if none does (`--config` of snakemake)."""
+    """File and line of a place, in the last file that sets it; empty if none does (as with snakemake's `--config`)."""
     found = [
         (n, f"{path}, line {document.lines[place[:n]]}: ")
         for path, document in documents.items()
@@ -125,7 +125,7 @@ def _line(place: Place, documents: Mapping[str, Document]) -> str:
 
 
 def read_config(*paths: str | Path) -> Config:
-    """Read a configuration; later files overlay earlier ones, section by section.
+    """Read a configuration; later files override earlier ones, section by section.
 
     UserError if a file is missing or not plain YAML, or if the merged configuration is wrong.
     """
@@ -138,13 +138,13 @@ def read_config(*paths: str | Path) -> Config:
         document.refuse_repeated(path)
         values = {} if document.content is None else document.content
         if not isinstance(values, dict):
-            raise UserError(f"{path} must hold keys and values, found a {type(values).__name__}.")
+            raise UserError(f"{path} must contain keys and values, found a {type(values).__name__}.")
         content = merged(content, values)
     return parse_config(content, paths)
 
 
 def schema_text() -> str:
-    """The JSON schema of the configuration."""
+    """Return the JSON schema of the configuration."""
     return json.dumps(Config.model_json_schema(), indent=1, sort_keys=True, ensure_ascii=False) + "\n"
 
 

@@ -1,6 +1,6 @@
-"""What Snakemake hands to a script of the pipeline; all that the script says goes into its log from here on.
+"""Access to Snakemake's job object from a script of the pipeline; redirects all output of the script to its log.
 
-Scripts import this before anything heavy, so that an import that fails is in the log, too.
+Scripts import this first, so that failing imports are logged as well.
 """
 
 import sys
@@ -8,5 +8,5 @@ from typing import Any
 
 import __main__
 
-snakemake: Any = __main__.snakemake  # Snakemake puts it at the head of the script that it runs
+snakemake: Any = __main__.snakemake  # Snakemake inserts it at the beginning of the script that it runs
 sys.stdout = sys.stderr = open(snakemake.log[0], "w", buffering=1)  # noqa: SIM115, PTH123

@@ -1,10 +1,10 @@
-"""Run the pipeline so that an interruption costs only the jobs that were running.
+"""Run the pipeline such that an interruption loses only the jobs that were running.
 
     python -m thesis_lib.thesis.pipeline [--scale quick|default] [--configfile FILE ...] [--cores N] [TARGET ...]
 
-A thin runner around Snakemake, in the same terminal group, so that Ctrl-C reaches both.  Before the start it holds a
-lock that the kernel releases on any death, removes what a killed run left (orphaned jobs, Snakemake's lock) and checks
-disk space and permissions.  After a failure it reports what failed, the likely cause, and what to do.  The exit code is
+A thin runner around Snakemake, in the same terminal group, so that Ctrl-C reaches both.  Before the start it takes a
+lock that the kernel releases at any exit, removes remains of a killed run (orphaned jobs, Snakemake's lock) and checks
+disk space and permissions.  After a failure it reports failed jobs, the likely cause and a remedy.  The exit code is
 Snakemake's, 128 + n if signal n ended it.
 """
 
@@ -27,14 +27,14 @@ from thesis_lib.foundation.command_line import WRONG, not_installed
 from thesis_lib.foundation.errors import UserError
 
 STATE = Path(".snakemake")
-WRITTEN = (Path(), Path("results"), Path("data"), Path("data/simulated"), STATE)  # folders a run writes into
-SCALES = {"quick": 100, "default": 250}  # MB of free disk required: twice what a run writes
-SHOWN = 5  # failed jobs listed
-TAIL = 20_000  # bytes of a log that are searched for the cause
-PATIENCE = 5.0  # s granted to dying processes
+WRITTEN = (Path(), Path("results"), Path("data"), Path("data/simulated"), STATE)  # folders into which a run writes
+SCALES = {"quick": 100, "default": 250}  # MB of free disk space required: twice the size of a run
+SHOWN = 5  # number of failed jobs listed
+TAIL = 20_000  # bytes at the end of a log that are searched for the cause
+PATIENCE = 5.0  # s, time granted to processes that are ending
 
 FEWER = "Run fewer jobs at once (--cores 1, CORES=1 with make), or close other programs."
-# last line of a traceback; our own errors need no name
+# last line of a traceback; for our own errors, the name is omitted
 RAISED = re.compile(r"^(?:thesis_lib\.[\w.]+: (.+)|(\w[\w.]*(?:Error|Exception)\b.*))$", re.MULTILINE)
 # text in a log -> cause and remedy
 CAUSES = {
@@ -56,7 +56,7 @@ def run(
 ) -> int:
     """Run `targets` (by default all) of the pipeline in the current folder and return the exit code.
 
-    UserError if another run is at work here, the disk is nearly full, or a folder cannot be written.
+    UserError if another run is active here, the disk is nearly full, or a folder cannot be written.
     """
     check_folder(SCALES[scale])
     keep_byte_code()
@@ -74,7 +74,7 @@ def run(
 
 
 def check_folder(needed: int) -> None:
-    """Raise a UserError if `needed` MB of disk or permissions are missing; it names the folder and the remedy."""
+    """Raise a UserError, with folder and remedy, if `needed` MB of disk space or permissions are missing."""
     if not Path("Snakefile").is_file():
         raise UserError(f"{Path.cwd()} has no Snakefile; run this in the root folder of the repository.")
     for folder in filter(Path.is_dir, WRITTEN):
@@ -92,9 +92,9 @@ def check_folder(needed: int) -> None:
 
 
 def hold_lock() -> int:
-    """The file descriptor of a lock on this folder; the kernel releases it when its holders are gone.
+    """Lock this folder and return the file descriptor; the kernel releases the lock when its holders have ended.
 
-    UserError if another run (named) holds it, or if the file system has no locks.
+    UserError if another run holds it (the message names it), or if the file system has no locks.
     """
     STATE.mkdir(exist_ok=True)
     lock = os.open(STATE / "pipeline.lock", os.O_RDWR | os.O_CREAT, 0o644)
@@ -112,7 +112,7 @@ def hold_lock() -> int:
         except OSError as error:
             os.close(lock)
             raise UserError(
-                f"The file system of {Path.cwd()} knows no file locks ({error.strerror}), so that two runs could meet; "
+                f"The file system of {Path.cwd()} has no file locks ({error.strerror}), so two runs could interfere; "
                 "work in a copy on a local disk, or call snakemake yourself."
             ) from error
     os.ftruncate(lock, 0)
@@ -121,9 +121,9 @@ def hold_lock() -> int:
 
 
 def recover(unlock: Sequence[str]) -> None:
-    """Remove what a killed run left: its jobs that still run, then Snakemake's lock (command `unlock`).
+    """Remove the remains of a killed run: jobs that still run, then Snakemake's lock (command `unlock`).
 
-    UserError if a Snakemake is at work here, or its lock cannot be released.
+    UserError if a Snakemake is active here, or its lock cannot be released.
     """
     snakemakes, orphans = _processes()
     locked = any((STATE / "locks").glob("*.lock"))
@@ -135,12 +135,12 @@ def recover(unlock: Sequence[str]) -> None:
         done = subprocess.run(unlock, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
         if done.returncode:
             raise UserError(
-                "Snakemake's lock of a killed run cannot be released; mend what Snakemake says, or delete "
+                "Snakemake's lock of a killed run cannot be released; fix the problem it reports, or delete "
                 f"{STATE / 'locks'}:\n{done.stdout.strip()}"
             )
     if orphans or locked:
         jobs = f"; {len(orphans)} of its processes were still running and have been ended" if orphans else ""
-        _say(f"An earlier run was killed{jobs}. Nothing finished is lost; going on from there.")
+        _say(f"An earlier run was killed{jobs}. No finished job is lost; the run continues from there.")
 
 
 def _at_work(processes: Sequence) -> str:
@@ -152,8 +152,8 @@ def _at_work(processes: Sequence) -> str:
 
 
 def _processes() -> tuple[list, list]:
-    """Snakemakes in this folder, and processes of its jobs that have no Snakemake among their ancestors."""
-    import psutil  # late, for users of the library who never run the pipeline
+    """Find Snakemakes in this folder, and processes of its jobs without a Snakemake among their ancestors."""
+    import psutil  # imported late, for users of the library who never run the pipeline
 
     here, uid, runner = str(Path.cwd()), os.getuid(), os.getpid()
     snakemakes, jobs = [], []
@@ -162,7 +162,7 @@ def _processes() -> tuple[list, list]:
             if process.uids().real != uid or process.pid == runner or process.cwd() != here:
                 continue
             words = process.cmdline()
-        except psutil.Error:  # it has ended, or may not be inspected
+        except psutil.Error:  # the process has ended, or may not be inspected
             continue
         if not words or not re.match(r"python|(ba)?sh$|snakemake", Path(words[0]).name):
             continue  # an editor that shows a script is not a job
@@ -185,7 +185,7 @@ def _end(processes: list) -> None:
     import psutil
 
     for process in processes:
-        process.terminate()  # psutil also compares start times: a reused process number is not hit
+        process.terminate()  # psutil also compares start times, so a reused process number is not affected
     for process in psutil.wait_procs(processes, timeout=PATIENCE)[1]:
         process.kill()
     if alive := psutil.wait_procs(processes, timeout=PATIENCE)[1]:
@@ -202,14 +202,14 @@ def _snakemake(command: Sequence[str], lock: int) -> int:
 
     def on_signal(number: int, _frame: object) -> None:
         received.append(number)
-        if number == signal.SIGTERM:  # unlike Ctrl-C it reaches one process only
+        if number == signal.SIGTERM:  # unlike Ctrl-C, it reaches only one process
             for child in children:
                 child.terminate()
 
     before = {number: signal.signal(number, on_signal) for number in (signal.SIGINT, signal.SIGTERM)}
     started = time.time()
     try:
-        # Snakemake shares the lock, so that killing this runner alone does not admit a second run
+        # Snakemake shares the lock, so killing this runner alone does not allow a second run
         children.append(subprocess.Popen(command, pass_fds=(lock,)))
         code = children[0].wait()
     finally:
@@ -221,19 +221,19 @@ def _snakemake(command: Sequence[str], lock: int) -> int:
 
 
 def latest_log(since: float) -> str:
-    """Snakemake's log since that time (s since the epoch); empty if there is none."""
+    """End of Snakemake's latest log since that time (s since the epoch); empty if there is none."""
     logs = [path for path in (STATE / "log").glob("*.snakemake.log") if path.stat().st_mtime >= since - 1.0]
     return _tail(max(logs), 10**7) if logs else ""  # names are times
 
 
 def explain(code: int, log: str, interrupted: bool = False) -> str:
-    """Message on what stopped Snakemake, and on what to do; `code` is its exit code."""
+    """Message on the reason why Snakemake stopped, and on the remedy; `code` is its exit code."""
     failed = [
         (rule, (re.search(r"^    log: (\S+)", block, re.MULTILINE) or ["", ""])[1])
         for rule, block in re.findall(r"^Error in rule (\w+):\n((?:    .*\n?)+)", log, re.MULTILINE)
     ]
     lines = ["Interrupted." if interrupted else "The pipeline has stopped."]
-    again = "Nothing that was finished is lost. To go on:"  # what stopped it may not come again
+    again = "Nothing that was finished is lost. To go on:"  # the cause may not recur
     if not interrupted:
         for rule, path in failed[:SHOWN]:
             lines.append(f"  failed: {rule}" + (f", log: {path}" if path else ""))
@@ -243,21 +243,21 @@ def explain(code: int, log: str, interrupted: bool = False) -> str:
             lines.append(f"  failed: {len(failed) - SHOWN} more")
         texts = "\n".join([log, *(_tail(Path(path), TAIL) for _, path in failed if path)])
         cause = next((known for pattern, known in CAUSES.items() if re.search(pattern, texts)), None)
-        if shutil.disk_usage(".").free < 10**6:  # then even the logs may be incomplete
+        if shutil.disk_usage(".").free < 10**6:  # in this case even the logs may be incomplete
             cause = next(iter(CAUSES.values()))
         if cause:
             lines += [f"  cause: {cause[0]}", f"  remedy: {cause[1]}"]
         elif code == -signal.SIGKILL:
-            lines.append("  cause: Snakemake itself was killed from outside (SIGKILL); was memory short?")
+            lines.append("  cause: Snakemake itself was killed from outside (SIGKILL); perhaps memory ran out")
         elif failed:
             lines.append(
-                "The same command would fail there again. Do what the error asks for; if it names nothing that you can "
-                "change, this program is at fault: please report it with that log."
+                "The same command would fail there again. Follow the error message; if it names nothing that you can "
+                "change, this is a bug of the program: please report it with that log."
             )
             again = "Nothing that was finished is lost. Then:"
         else:
-            lines.append("  No job has failed; Snakemake's message above says what to mend.")
-            again = "Nothing that was finished is lost. Once it is mended:"
+            lines.append("  No job has failed; Snakemake's message above states the problem.")
+            again = "Nothing that was finished is lost. Once it is fixed:"
     return "\n".join([*lines, f"{again} {_same_command()}"])
 
 
@@ -281,12 +281,12 @@ def _say(text: str) -> None:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    description = "Run the pipeline; an interrupted run goes on where it was."
+    description = "Run the pipeline; an interrupted run continues where it stopped."
     parser = argparse.ArgumentParser(prog="python -m thesis_lib.thesis.pipeline", description=description)
-    parser.add_argument("targets", nargs="*", metavar="TARGET", help="rules or files (everything)")
-    parser.add_argument("--scale", choices=SCALES, default="default", help="size of the studies (default)")
-    parser.add_argument("--configfile", action="append", default=[], metavar="FILE", help="overlay with your choices")
-    parser.add_argument("--cores", type=int, metavar="N", help="jobs at once (profiles/default: 2)")
+    parser.add_argument("targets", nargs="*", metavar="TARGET", help="rules or files; default: all")
+    parser.add_argument("--scale", choices=SCALES, default="default", help="size of the studies; if omitted: default")
+    parser.add_argument("--configfile", action="append", default=[], metavar="FILE", help="overlay with your settings")
+    parser.add_argument("--cores", type=int, metavar="N", help="parallel jobs; default: 2 (profiles/default)")
     options = parser.parse_args(arguments)
     for package in ("snakemake", "psutil"):
         if importlib.util.find_spec(package) is None:

@@ -12,7 +12,7 @@ for name in ABSENT:
     logger.warning(
         f"The measured dataset {name} is not present (looked in {', '.join(CONFIG.measured)}): "
         f"its tables and figures are left out and its claims say 'data not present'. "
-        f"To get it: python -m thesis_lib datasets fetch {name.replace('_', '-')}"
+        f"To get it: thesis-lib datasets fetch {name.replace('_', '-')}"
     )
 
 

@@ -25,7 +25,7 @@ from thesis_lib.report.batch_index import COLUMNS, INDEX_FILES, row_of_failure, 
 PATIENCE = 60.0  # s that a busy machine may take for what takes no time
 REASONS = {
     "crash": "crashed: RuntimeError: a defect",
-    "killed": "was killed (SIGKILL); most likely the machine ran out of memory: give fewer --jobs",
+    "killed": "was killed (SIGKILL); most likely the machine ran out of memory: use fewer --jobs",
     "nothing": "does not exist",
     "refused": r"The table is \x1b[31mempty",
     "segfault": "crashed (SIGSEGV)",

@@ -1,4 +1,4 @@
-"""`python -m thesis_lib critique`, `predict` and `effects`: what they print, write, and how they say no."""
+"""`thesis-lib critique`, `predict` and `effects`: what they print, write, and how they say no."""
 
 import io
 import json
@@ -92,7 +92,7 @@ def test_the_chosen_effect_is_switched_on_and_text_goes_to_stdout(without_page, 
     content = json.loads((out / "diagnosis.json").read_text())
     assert content["n_trials"] == 60
     assert [(effect["name"], effect["clears"]) for effect in content["effects"]] == [("wrong_inertia", False)]
-    assert "Switched on by you: wrong inertia; these data do not ask for it" in shown.out
+    assert "Switched on by you: wrong inertia; these data do not support it" in shown.out
 
 
 def test_predictions_are_a_table_or_json_on_stdout_or_in_a_file(run_folder, tmp_path, capsys):

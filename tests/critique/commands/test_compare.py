@@ -66,7 +66,7 @@ def test_effects_that_come_or_go_are_said_and_the_law_is_compared_without_them()
     assert f"mirtich{ALONE}, epsilon" in table.index and f"whittaker{ALONE}, epsilon" not in table.index
     text = comparison_text(compare(a, b), "before", "after")
     assert "The effects differ: before has surface_tilt, after has none." in text
-    assert "No error and no parameter that both have differs by more than 3 standard errors." in text
+    assert "No error and no common parameter differs by more than 3 standard errors." in text
 
 
 def test_an_effect_means_the_same_under_any_law_and_in_any_order():

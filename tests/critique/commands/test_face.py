@@ -61,7 +61,7 @@ def test_models_are_compared_afterwards_and_then_stand_in_the_diagnosis(of_impac
 def test_it_draws_the_ladder_and_the_map_and_says_what_it_has(of_impacts):
     assert isinstance(of_impacts.plot(), Figure) and isinstance(of_impacts.plot("map"), Figure)
     assert of_impacts.plot("candidates")._repr_png_().startswith(b"\x89PNG")  # as a notebook shows it
-    with pytest.raises(UserError, match="no picture 'lader'; there are ladder, candidates, map"):
+    with pytest.raises(UserError, match="no figure 'lader'; available are ladder, candidates, map"):
         of_impacts.plot("lader")
 
 
@@ -97,7 +97,7 @@ def test_too_few_impacts_are_an_error_of_their_own_where_more_was_asked(tmp_path
         assert len(stopped.value.observations) == 9
         assert main([*command, *asked.split()]) == 2
         assert "9 usable impacts in 3 trials; the critique needs 30 in 10" in capsys.readouterr().err
-    with pytest.raises(UserError, match="there are none of so few impacts"):
+    with pytest.raises(UserError, match="there are none for so few impacts"):
         plain.plot()
 
 
@@ -114,7 +114,7 @@ def folder(videos, tmp_path_factory):
 
 def test_restitution_is_told_with_its_error_and_no_verdict(folder, tmp_path, capsys):
     assert main(["datasets", "check", str(folder)]) == 0
-    assert "restitution and friction, and no verdict: 9 usable impacts in 3 trials; 30 in 10" in capsys.readouterr().out
+    assert "restitution and friction only, no verdict: 9 usable impacts in 3 trials; 30 in" in capsys.readouterr().out
     out = tmp_path / "out"
     assert main(["critique", str(folder), "-q", "-o", str(out)]) == 0
     said = capsys.readouterr().out

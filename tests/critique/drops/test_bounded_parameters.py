@@ -148,7 +148,7 @@ def test_restitution_that_differs_from_trial_to_trial_is_said_with_its_range(ang
     assert content["verdict"] == "unexplained" and content["remaining"]["depends_on"] == []
     differs = content["remaining"]["restitution"]
     assert (differs["low"], differs["high"]) == pytest.approx((epsilon.min(), epsilon.max()), abs=OF_ONE_IMPACT)
-    said = f"({differs['low']:.2f} to {differs['high']:.2f}) differs from trial to trial and with nothing that"
+    said = f"({differs['low']:.2f} to {differs['high']:.2f}) differs from trial to trial but depends on nothing that"
     assert f"Restitution {said}" in " ".join(content["summary"])
 
 

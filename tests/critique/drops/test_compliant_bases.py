@@ -141,7 +141,7 @@ def test_mujoco_s_default_solref_is_too_soft_for_an_impact():
     # solref (0.02, 1): critically damped, so that ω T = 2 and ε = exp(−2)
     soft = {"contact_time": 0.04 * np.sqrt(0.95), "epsilon": np.exp(-2.0)}
     contact = MujocoContact.model_construct(**MujocoContact(**DEFAULT).model_dump() | soft)
-    with pytest.raises(UserError, match=r"Contacts last about .* contact is soft, as that of foam or of a simulator"):
+    with pytest.raises(UserError, match=r"Contacts last about .* contact is soft, like that of foam or of a simulator"):
         criticise_drops(recorded(SQUARE, 15, 7, engine=DropsInMujoco(), contact=contact), rng=np.random.default_rng(0))
 
 

@@ -104,7 +104,7 @@ def test_fit_finds_the_parameters_of_an_injected_effect(name):
 def test_a_fit_to_no_impact_says_what_is_missing():
     o = observed()
     for takes_time in (False, True):
-        with pytest.raises(UserError, match="no impact to fit"):
+        with pytest.raises(UserError, match="no impacts to fit"):
             fit(Model(LAW, takes_time=takes_time), o.rows(np.zeros(0, int)))
 
 

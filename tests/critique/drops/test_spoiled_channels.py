@@ -170,4 +170,4 @@ def test_a_tilt_that_stands_for_a_camera_out_of_square_spoils_the_velocities(see
     assert step.gain[1] > 0.0 and after.sigmas["flight"] < 0.5 * before.sigmas["flight"]
     assert step.fails == "spoils" and found.verdict == "unexplained"
     said = " ".join(diagnosis(found, np.random.default_rng(0))["summary"])
-    assert "with it another error rises by an amount that matters" in said and "do not ask" not in said
+    assert "with it another error rises by an amount that matters" in said and "do not support" not in said

@@ -274,7 +274,7 @@ def test_engines_that_made_up_for_a_hidden_cause_are_told():
     assert (
         first == "MuJoCo errs least with the named effects: 0.0100 m/s (noise floor 0.0100 m/s); all others err more."
     )
-    assert "by a factor of 3 without the named effects, and of 1.05 with them: they made up" in second
+    assert "by a factor of 3 without the named effects, and of 1.05 with them: they compensated" in second
     assert alone.endswith("by a factor of 4: 0.2 in MuJoCo and 0.05 in Drake, point contact.")
     assert third == "Drake, point contact cannot have wear, and is fitted without."
     assert "cannot be told from it" in model_sentences(made_up(behind_low=-0.001))[0]

@@ -172,7 +172,7 @@ def test_a_turned_inertia_keeps_its_axes(tmp_path):
 
 def test_a_body_without_inertial_gets_one(tmp_path):
     bare = re.sub(r"<inertial mass=.*?/>\n\s*", "", MJCF, flags=re.S)
-    with pytest.raises(UserError, match="no <inertial>, so its mass is not known here; give --mass"):
+    with pytest.raises(UserError, match="no <inertial>, so its mass is not known; give --mass"):
         patched(model(), "mjcf", file_of(tmp_path, bare), "block")
     new = patched(model(), "mjcf", file_of(tmp_path, bare), "block", mass=0.07, depth=0.06).content.decode()
     block = mujoco.MjModel.from_xml_string(new).body("block")
@@ -211,8 +211,8 @@ BAD = {  # by format and what is wrong: the text, and what is said of it
         "another body": (MJCF.replace('"block"', '"cube"'), "has no body named 'block'.*cube, post"),
         "two bodies": (MJCF.replace('"post"', '"block"'), "has 2 body named 'block' .lines 8, 9."),
         "an include": ('<mujoco><include file="b.xml"/><worldbody/></mujoco>', "includes other files"),
-        "no numbers": (MJCF.replace("5e-2", "heavy"), "holds no finite numbers"),
-        "NaN": (MJCF.replace("3.2e-5", "nan"), "line 11: <inertial> diaginertia=.*no finite numbers"),
+        "no numbers": (MJCF.replace("5e-2", "heavy"), "must be finite numbers"),
+        "NaN": (MJCF.replace("3.2e-5", "nan"), "line 11: <inertial> diaginertia=.*must be finite numbers"),
         "two numbers": (MJCF.replace('"0 0.01 0"', '"0 1"'), "needs 3 number.s. in pos"),
         "no moment": (MJCF.replace("3.2e-5", "0"), "no positive moment of inertia about y"),
         "negative mass": (MJCF.replace('mass="5e-2" diag', 'mass="-1" diag'), "must be positive"),
@@ -223,8 +223,8 @@ BAD = {  # by format and what is wrong: the text, and what is said of it
         "deep": ("<a>" * 300 + "</a>" * 300, "Excessive depth"),
     },
     "sdf": {
-        "another format": (MJCF, "is not a file of SDF: it begins with <mujoco>"),
-        "degrees": (SDF.replace("<pose>0 0.01", '<pose degrees="true">0 0.01'), "x y z roll pitch yaw, without more"),
+        "another format": (MJCF, "is not in SDF format: it begins with <mujoco>"),
+        "degrees": (SDF.replace("<pose>0 0.01", '<pose degrees="true">0 0.01'), "roll pitch yaw, without attributes"),
         "no inertia": (NO_MASS, "no <inertial> with <mass> and <inertia>"),
     },
     "urdf": {"no collision": (re.sub("<collision name.*?</collision>", "", URDF, flags=re.S), "has no collision")},

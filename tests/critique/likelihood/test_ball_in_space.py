@@ -32,7 +32,7 @@ def test_its_hits_have_an_unknown_spin():
     assert observe_in_space(tossed(2, spin=8.0)).spin == 8.0
     assert np.abs(o.rig.gap(beside(o, 0))).max() < 3e-3
     aside = content(tracked={"position": [0.0, 0.0, 0.03]})
-    with pytest.raises(UserError, match="as it is not the tracked point"):  # which needs an orientation
+    with pytest.raises(UserError, match="because it is not the tracked point"):  # which needs an orientation
         observe_in_space(dataset_of(aside, trajectories=tossed(2).trajectories.drop(columns=["qw", "qx", "qy", "qz"])))
 
 

@@ -122,7 +122,7 @@ def test_a_ball_without_orientation_and_what_is_refused():
     two |= {"surfaces": [floor | {"name": "floor"}, floor | {"name": "shelf", "point": [0.1, 0.2, 1.0]}]}
     one = two | {"surfaces": [floor | {"name": "floor"}]}
     assert len(observe_in_space(dataset_of(one, impacts=stated_hits(content(), 2)))) == len(stated_hits(content(), 2))
-    with pytest.raises(UserError, match="several surfaces cannot be told apart"):
+    with pytest.raises(UserError, match="several surfaces cannot be distinguished"):
         observe_in_space(dataset_of(two, impacts=stated_hits(content(), 2)))
 
 
@@ -176,7 +176,7 @@ def test_a_model_of_later_hits_predicts_them_by_their_tosses():
         expected = model_with(epsilon=epsilon).predict(given[rows])
         assert len(expected) > 3
         pd.testing.assert_frame_equal(found[rows], expected)
-    with pytest.raises(UserError, match="add the column t to the states, and to each trial its first hit"):
+    with pytest.raises(UserError, match="add the column t to the states, and include the first hit of each trial"):
         model_with(**{"later_friction.d": 0.3}).predict(given.drop(columns="t"))
     with pytest.raises(UserError, match="rotation_scale, which depends on all frames of a toss before the hit"):
         model_with(**{"rotation_scale.s_R": 0.02}).predict(given)

@@ -144,5 +144,5 @@ def test_pictures_that_repeat_the_one_before_are_lost_frames(tossed):
     rows = rows[trial[rows] == trial[rows - 1]]
     table.loc[table.index[rows], pose] = table[pose].to_numpy()[rows - 1]
     o = observe_in_space(dataset_of(CONTENT, trajectories=table), episodes=False)
-    assert len(o.found.warnings) == 1 and "repeat the one before" in o.found.warnings[0]
+    assert len(o.found.warnings) == 1 and "repeat the previous one" in o.found.warnings[0]
     assert len(o) > 10

@@ -30,7 +30,7 @@ def test_a_part_of_the_table_is_mixed_as_the_whole():
 
 def test_shares_count_each_question(tmp_path):
     store = engines.ROWS.at(tmp_path / "engines.csv")
-    with pytest.raises(UserError, match="holds no row"):
+    with pytest.raises(UserError, match="contains no rows"):
         engines.as_markdown(store)
     made = (row(), row(seed=2, best="drake", own=0.02), row("drake", ratio_before=1.02), row(seed=3, ratio_after=1.2))
     store.put(*made)

@@ -113,7 +113,7 @@ class TestBadStores:
     def test_so_is_one_that_stands_twice_and_a_table_of_other_columns(self, table):
         header, row = table.read_text().splitlines()
         table.write_text("\n".join([header, row, row]))
-        with pytest.raises(CorruptFileError, match=r"line 3, .* stands twice"):
+        with pytest.raises(CorruptFileError, match=r"line 3, .* occurs twice"):
             outcomes(table.parent)
         table.write_text(header.replace("verdict", "opinion"))
         with pytest.raises(CorruptFileError, match="does not have the columns truth, ratio"):

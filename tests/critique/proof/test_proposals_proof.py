@@ -65,7 +65,7 @@ def made_up(case: proposals.ProposalCase) -> dict:
 
 def test_the_table_counts_and_goes_on_where_it_stopped(tmp_path) -> None:
     store = proposals.ROWS.at(tmp_path / "proposals.csv")
-    with pytest.raises(UserError, match="holds no row"):
+    with pytest.raises(UserError, match="contains no rows"):
         proposals.as_markdown(store)
     todo, said = proposals.cases(1, 2), []
     for part in (todo[:3], todo):

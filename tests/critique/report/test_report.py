@@ -66,7 +66,7 @@ def test_the_page_is_in_order_and_its_parts_have_names(page, made):
         "25 % of the detected impacts were left out (100 × second hit",
         "e_t = 0.410 [0.371, 0.449]",
         "1.83 [1.60, 2.10] nats per impact (p = 0.0010",
-        "cannot tell it from tangential compliance",
+        "cannot distinguish it from tangential compliance",
         "linear drag",
         "second hit too near to tell apart",
         "These two differ most when the body spins fast.",
@@ -111,7 +111,7 @@ def test_scatter_beyond_noise_is_not_called_structure(made, diagnosis):
     diagnosis["remaining"] = {"structured": True, "channels": ["impact"], "p_value": 0.4, "depends_on": []}
     diagnosis["remaining"]["restitution"] = None
     text = Page(page_of((replace(critique, settings=strict), *rest), diagnosis)).text
-    assert "times what noise alone would give" in text and "learns no part of it" in text
+    assert "times the misfit from noise alone" in text and "learns no part of it" in text
     assert "Structure remains" not in text
 
 
@@ -162,14 +162,14 @@ TOLD = [
         "two predictions differ most",
     ),
     ({}, {"indistinguishable_from": ["sensor_drift"]}, DRIFT, "^"),
-    ({}, {"indistinguishable_from": MANY}, "cannot tell which it is: … or 3 more would explain as much.", "^"),
+    ({}, {"indistinguishable_from": MANY}, "cannot tell which effect it is: … or 3 more would explain as much.", "^"),
     ({}, {"material_in": ["touch", "flight"]}, "misfit of the gap at impact and the flights between impacts, not", "^"),
-    ({}, {}, "cannot tell it from tangential compliance", "What shows it"),
+    ({}, {}, "cannot distinguish it from tangential compliance", "What shows it"),
     # what the user switched on is no finding, and no fault
     (
         {},
         OFF,
-        "Tangential restitution was switched on by you; these data do not ask for it.",
+        "Tangential restitution was switched on by you; these data do not support it.",
         "better than any other in",
     ),
     (
@@ -235,9 +235,9 @@ def test_parameters_that_move_little_but_surely_do_not_hardly_move(hidden_drops)
         return Page(report_effects.moved(with_last(critique, values=values, std=std))).text
 
     assert "stay within 3 standard errors" in said(1.0, 1.0001)
-    assert "By a significant amount, but less than 2.0 %, moves ε from" in said(1.0, 1.01)
+    assert "By a significant amount, but less than 2.0 %, changes ε from" in said(1.0, 1.01)
     both = said(1.2, 1.01)
-    assert "had compensated for what was missing move: μ from" in both and "but less than 2.0 %, moves ε" in both
+    assert "had compensated for missing effects change: μ from" in both and "but less than 2.0 %, changes ε" in both
 
 
 def test_a_change_of_law_is_told_on_the_ladder_and_with_the_parameters(hidden_drops, diagnosis):

@@ -62,12 +62,13 @@ def of_gravity(dg: float, std: float | None = 0.01, gravity: float = 9.81, rate:
 def test_the_rate_that_free_fall_would_mean_is_said():
     (sentence,) = said([of_gravity(0.42)])
     assert (
-        "10.23 m/s² means the clock or the scale: frames taken at 235 Hz rather than 240 (2.1\xa0% fewer)" in sentence
+        "10.23 m/s² points to the clock or the scale: "
+        "frames taken at 235 Hz rather than 240 (2.1\xa0% fewer)" in sentence
     )
-    assert "or all lengths 4.3\xa0% too large, those of the body too, would look the same." in sentence
+    assert "or all lengths 4.3\xa0% too large, including those of the body, would look the same." in sentence
     assert "a clock that is 2.1\xa0% too slow," in next(said([of_gravity(0.42, rate=None)]))
     slower = next(said([of_gravity(-0.42)]))
-    assert "9.390 m/s² means the clock, the scale or, of a light body, buoyancy" in slower and "% more)" in slower
+    assert "9.390 m/s² points to the clock, the scale or, for a light body, buoyancy" in slower and "% more)" in slower
     assert "all lengths 4.3\xa0% too small" in slower
 
 
@@ -95,7 +96,7 @@ def test_the_inertia_that_follows_from_a_mistyped_radius_is_one_cause_with_it():
     k_g = shape.radius_of_gyration
     two = of_size(shape, k_g, wrong_size=(0.2, 0.002), wrong_inertia=(0.45, 0.01))
     (sentence,) = said(two)
-    assert "The body is 20\xa0% larger than its shape, and its radius of gyration was computed from it" in sentence
+    assert "The body is 20\xa0% larger than its stated shape, from which its radius of gyration was" in sentence
     assert "wrong size and wrong inertia are this one cause" in sentence and "--shape disk:0.03000." in sentence
     assert two[0]["could_be"]["explains"] == ["wrong_inertia"] and two[1]["could_be"] is None
     for alone in ({}, {"wrong_inertia": (0.3, 0.01)}):  # 0.44 is that of the larger body

@@ -67,12 +67,12 @@ SAID = [
     (
         [{}, TILT],
         {},
-        "leaves out: tangential restitution, e_t = 0.405 (0.399 to 0.411); with it … Use model.json … ask for it",
+        "leaves out: tangential restitution, e_t = 0.405 (0.399 to 0.411); with it … Use model.json … support it",
         "^",
     ),
-    ([TILT | {"fails": "chance"}], ADEQUATE, "do not ask", "no effect in the library"),
-    ([TILT | {"fails": "immaterial"}], ADEQUATE, "no error falls by", "do not ask"),
-    ([TILT | {"fails": "spoils"}], ADEQUATE, "another error rises", "do not ask"),
+    ([TILT | {"fails": "chance"}], ADEQUATE, "do not support", "no effect in the library"),
+    ([TILT | {"fails": "immaterial"}], ADEQUATE, "no error falls by", "do not support"),
+    ([TILT | {"fails": "spoils"}], ADEQUATE, "another error rises", "do not support"),
     (
         [HEIGHT],
         GAP,
@@ -82,7 +82,7 @@ SAID = [
     (
         [MANY],
         {},
-        "cannot tell what: tangential … or 2 more, which these data cannot tell apart)",
+        "do not show what: tangential … or 2 more, which these data cannot tell apart)",
         EFFECTS["wear"].title,
     ),
     ([{}], {"error": RISEN}, "the held-out error rises from 0.00875 m/s to 0.0128 m/s", "falls"),
@@ -484,6 +484,6 @@ def test_what_the_held_out_trials_reject_and_where_the_search_ended_is_said(hidd
 def test_what_of_a_vector_nothing_shows_is_said():
     effect = {"parameters": {"b_x": {}, "b_y": {}, "b_z": {}}}
     assert unseen(effect) == unseen(effect | {"unseen": []}) == ""
-    assert unseen(effect | {"unseen": [[1e-4, 0.0, -1.0]]}) == "Nothing here can show b_z, which is held at 0."
+    assert unseen(effect | {"unseen": [[1e-4, 0.0, -1.0]]}) == "These data cannot determine b_z, which is held at 0."
     oblique = effect | {"unseen": [[0.6, 0.0, -0.8]]}
-    assert unseen(oblique) == "Nothing here can show 0.60 b_x −0.80 b_z, which is held at 0."
+    assert unseen(oblique) == "These data cannot determine 0.60 b_x −0.80 b_z, which is held at 0."

@@ -132,7 +132,7 @@ def test_the_command_writes_numbers_and_pictures(simulated, tmp_path, capsys):
     command = ["rollout", str(tmp_path / "model.json"), str(tmp_path / "set"), "-q", "-o", str(tmp_path / "out")]
     assert main([*command, "--against", str(tmp_path / "other.json")]) == 0
     said = capsys.readouterr()
-    assert "contactnets pos_int_percent" in said.out and "less the other" in said.out and not said.err
+    assert "contactnets pos_int_percent" in said.out and "minus the other" in said.out and not said.err
     content = json.loads((tmp_path / "out" / "rollout.json").read_text())
     assert content["held_out"] and content["contactnets"]["n"] == 3 and content["floor"]["acosta"]["n"] == 3
     assert content["against"]["difference"]["benchmark"]["interval"]["position_m"]

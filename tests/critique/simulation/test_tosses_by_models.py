@@ -227,7 +227,7 @@ def test_a_file_that_cannot_be_tossed_says_why(file):
     boxed = text.replace('type="plane"', 'type="box"').replace('size="0 0 1"', 'size="1 1 1"')
     for written, body, said in (
         (text, "box", "no body 'box' with a free joint"),
-        (boxed, "body", "has 0 planes; it needs one"),
+        (boxed, "body", "has 0 planes; it needs exactly one"),
         (text.replace("<freejoint/>", ""), "body", "no body 'body' with a free joint"),
         ("<mujoco><worldbody/></mujoc>", "body", "MuJoCo cannot read it"),
     ):

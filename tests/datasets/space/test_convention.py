@@ -71,7 +71,7 @@ def test_an_axis_that_is_reversed_shows_in_the_impacts_alone():
     read = replace(motion, quaternion=mirrored(motion.quaternion, 0))
     found = fit(read, scene)
     assert found.out < OUT and found.mirrored < 0.2 and not found.good
-    with pytest.raises(UserError, match="its impacts turn the body the wrong way about"):
+    with pytest.raises(UserError, match="its impacts turn the body in the wrong direction"):
         check_reading(replace(read, readings={"another way": lambda: motion.quaternion}), scene)
 
 

@@ -122,13 +122,13 @@ def test_rests_on_one_face_leave_open_which_face_it_is_and_the_turn_about_it():
     header = rig("box 3:2:1", 6)
     table = at_rest(header, tossed(header, 12, 6, before_hits=True), np.tile([0.0, 0.0, 1.0], (12, 1)), 6)
     found = found_in(header, table)
-    (about,) = [re.findall(r"-?\d\.\d\d", said) for said in found.open if said.startswith("the turn about")]
+    (about,) = [re.findall(r"-?\d\.\d\d", said) for said in found.open if said.startswith("the rotation about")]
     assert sorted(np.abs([float(part) for part in about[:3]])) == pytest.approx([0.0, 0.0, 1.0], abs=0.05)
     assert any("fit as well with the shape turned by" in said for said in found.open)
     assert found.tracked.uncertainty is not None and found.tracked.uncertainty.rotation > 0.5
     unknown = header.model_copy(update={"tracked": None})
     content = unknown.model_dump(mode="json", by_alias=True, exclude_none=True) | {"tracked": "unknown"}
-    with pytest.raises(UserError, match=r"tracked: unknown: the turn about .* on different faces"):
+    with pytest.raises(UserError, match=r"tracked: unknown: the rotation about .* on different faces"):
         settled(dataset_of(content, trajectories=table))
 
 

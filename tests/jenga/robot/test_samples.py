@@ -50,7 +50,7 @@ def test_a_spoilt_file_is_refused_when_read(tmp_path):
 def test_a_data_set_in_which_nothing_resists_is_refused(tmp_path):
     samples = _samples(ENOUGH)
     samples.next_state[:, F_N] = 0.05
-    with pytest.raises(UserError, match="empty or had exploded"):
+    with pytest.raises(UserError, match="exploded or is missing"):
         write_samples(samples, tmp_path / "s.csv")
 
 

@@ -22,7 +22,7 @@ def test_effects_say_which_blocks_have_them():
         assert (hidden.slippery_layer == CHOICE.layer) == (name == "slippery")
     heavy, own = hidden_of("heavy_tool", CHOICE)
     assert heavy.pusher_mass == CHOICE.pusher_mass and len(own) == 45
-    with pytest.raises(UserError, match="no hidden effect sticky; known are glued"):
+    with pytest.raises(UserError, match="no hidden effect sticky; choose one of glued"):
         hidden_of("sticky", CHOICE)
 
 

@@ -76,7 +76,7 @@ def test_perturbation_is_the_others_displacement_and_rotation():
 
 
 def test_a_solver_that_gives_up_and_numbers_that_are_not_finite_are_refused():
-    with pytest.raises(TowerError, match=f"tower {SEED}.*cap of 10"):
+    with pytest.raises(TowerError, match=f"tower {SEED}.*limit of 10"):
         Tower(SEED, TowerSettings(iterations=10)).settle()
     tower = Tower(SEED)
     tower.data.qpos[3] = np.nan
@@ -110,7 +110,7 @@ def test_a_tower_that_lost_its_top_before_it_was_marked_is_refused_by_its_height
 
 def test_a_tower_that_still_moves_is_refused():
     tower = Settled.get()
-    with pytest.raises(TowerError, match="does not rest"):
+    with pytest.raises(TowerError, match="is not at rest"):
         check(tower, HealthSettings(drift=1e-9))
 
 

@@ -142,7 +142,7 @@ def test_named_physics_leaves_nothing_to_learn_where_it_is_the_whole_truth():
 
 
 def test_named_physics_needs_both_sides(impacts):
-    with pytest.raises(ValueError, match="both sides"):
+    with pytest.raises(ValueError, match="some but not all"):
         study.named_physics(impacts, np.ones(len(impacts), bool), "mirtich", None, SETTINGS, np.random.default_rng(0))
 
 

@@ -1,1 +1,1 @@
-"""Contacts that take time: their normal forces, and the motion of bodies on them."""
+"""Compliant contacts of finite duration: their normal forces, and the motion of bodies in contact."""

@@ -1,14 +1,14 @@
-"""Contacts that take time, compiled: the normal forces, and the motion of bodies on them.
+"""Compiled compliant contacts of finite duration in the plane: normal forces, and the motion of bodies in contact.
 
-numba compiles this file at the first call and keeps the result beside it.  A change of the file compiles it anew;
-what is compiled must stand here, since numba does not see changes of functions in other files.
+numba compiles this file at the first call, caches the result next to it and recompiles it after a change.  All
+compiled functions must be in this file, because numba does not detect changes to functions in other files.
 
-Units are those of `normal_force`: depth x in L, rate x' in v₀, force per mass in v₀²/L.  Steps of the motion are half a
-drift, a kick and half a drift.  Dampers and springs act at the velocity in the middle of the step; friction ends the
-slip within the step, or turns with it, at most μ f_n, shared by the corners that press.  So errors fall with the square
-of the step.  Forces of convex contacts are found together, each contact's from the others' in turn.  Where the contact
-gives way along the surface, a spring of stiffness k_n/η and a damper of ratio ζ carry the friction, at most μ f_n; k_n
-is the slope of the loading force.  A pressure field presses on the whole chord that the surface cuts off, with a
+Units are those of `normal_force`: depth x in L, rate x' in v₀, force per mass in v₀²/L.  A step of the motion is half a
+drift, a kick and half a drift.  Dampers and springs act at the velocity in the middle of the step.  Friction of at most
+μ f_n, shared by the corners that press, ends the slip within the step or reverses with it.  Errors decrease with
+the square of the step.  The forces of convex contacts are found together by sweeps over the contacts.  If the contact
+is compliant along the surface, a spring of stiffness k_n/η and a damper of ratio ζ carry the friction, at most μ f_n;
+k_n is the slope of the loading force.  A pressure field acts on the whole chord where the surface cuts the body, with a
 pressure that grows with the distance from the body's outline; its friction is at most (2/π) arctan(|s|/v_s) μ f_n at
 the slip s, half of Coulomb's at v_s.
 """
@@ -18,8 +18,8 @@ from numba import njit
 
 HYSTERESIS, LINEAR_DAMPER, HUNT_CROSSLEY, CONVEX, PRESSURE_FIELD, PYRAMID = range(6)
 SPEED = 1.0  # m/s, v₀
-SWEEPS, SETTLED = 50, 1e-7  # over convex contacts that press at once, and their relative change at the last
-RESOLVED = 0.25  # (ω h)² of a tangential spring
+SWEEPS, SETTLED = 50, 1e-7  # sweeps over simultaneous convex contacts, and the relative change at which they end
+RESOLVED = 0.25  # (ω h)² below which a step resolves a tangential spring
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(12)
 THIN = 1e-9  # depth over L of a contact that has just begun
 
@@ -35,7 +35,7 @@ def _power(depth, exponent):
 
 @compiled
 def _push(kind, exponent, depth, rate, deepest, loss):
-    """f and ∂f/∂x' of one contact, from x, x', x_m and D; of a convex contact that sticks."""
+    """f and ∂f/∂x' of one contact, from x, x', x_m and D; for convex contacts, in the case of sticking."""
     if kind == HYSTERESIS:
         if depth < deepest:
             return _power(max(depth - (1.0 - loss) * deepest, 0.0) / loss, exponent), 0.0
@@ -58,8 +58,8 @@ def pushes(kind, exponent, depth, rate, deepest, loss):
 
 @compiled
 def _cone(normal, both, along, c_n, c_t, mu):
-    """(f_n, f_t) that minimise ½ fᵀ Q f − fᵀ c in |f_t| ≤ μ f_n, with Q of `normal`, `both` and `along`, on a side of
-    the cone or at its tip."""
+    """(f_n, f_t) that minimise ½ fᵀ Q f − fᵀ c on a side of the cone |f_t| ≤ μ f_n or at its apex; `normal`, `both` and
+    `along` are the entries of Q."""
     best, f_n, f_t = 0.0, 0.0, 0.0
     for side in (-mu, mu):
         c = c_n + side * c_t
@@ -71,10 +71,10 @@ def _cone(normal, both, along, c_n, c_t, mu):
 
 @compiled
 def _convex(h, w, rho, ratio, velocity, falls, points, f_n, f_t):
-    """Forces per mass of convex contacts, into f_n and f_t (p,), which hold those of the step before.
+    """Replace in f_n and f_t (p,) the forces per mass of convex contacts in the previous step by those of this step.
 
-    They are those of velocities in the middle of a step of h; `velocity` are those at its start, `falls` the
-    accelerations of the body without contact (3,), and `points` r_x, r_y, depth, μ, B and K of each contact point.
+    The forces belong to velocities in the middle of a step h; `velocity` is the velocity at its start, `falls` (3,) the
+    acceleration of the body without contact, and `points` holds r_x, r_y, depth, μ, B and K of each contact point.
     """
     r_xs, r_ys, depths, mus, Bs, Ks = points
     v_x, v_y, omega = velocity
@@ -100,7 +100,7 @@ def _convex(h, w, rho, ratio, velocity, falls, points, f_n, f_t):
             slip = v_x - r_y * omega
             c_n = Ks[k] * depths[k] - B * (v_y + r_x * omega) - half * u_n
             normal, along, both = half * A_n + rho, half * A_t + rho / ratio, half * A
-            # sticking: at the middle of a step that resolves it, or it would swing; else at its end
+            # sticking: evaluated in the middle of a step that resolves it, else at the end to avoid oscillation
             late = half if B * h * A_t < along else 1.0 + B * h
             c_t, holds = -B * slip - late * u_t, late * A_t + rho / ratio
             det = normal * holds - both * late * A
@@ -118,8 +118,8 @@ def _convex(h, w, rho, ratio, velocity, falls, points, f_n, f_t):
 
 @compiled
 def _lowest(axes, vertices, theta):
-    """The lowest point (x, y) in m of a body at the angle θ: of vertices (k, 2), or of an ellipse with squares `axes`
-    of its semi-axes."""
+    """Lowest point (x, y) in m of a body at the angle θ: a polygon with vertices (k, 2) or, without them, an ellipse
+    whose squared semi-axes are `axes`."""
     sin, cos = np.sin(theta), np.cos(theta)
     if len(vertices) == 0:
         h = np.sqrt(axes[0] * sin * sin + axes[1] * cos * cos)
@@ -134,7 +134,7 @@ def _lowest(axes, vertices, theta):
 
 @compiled
 def _chord(axes, vertices, theta, height):
-    """Ends (x_1, x_2) in m of the chord of a body, at the angle θ and at `height` in m above its centre."""
+    """Ends (x_1, x_2) in m of the horizontal chord at `height` in m above the centre of a body at the angle θ."""
     sin, cos = np.sin(theta), np.cos(theta)
     if len(vertices) == 0:
         a = cos * cos / axes[0] + sin * sin / axes[1]
@@ -156,7 +156,7 @@ def _chord(axes, vertices, theta, height):
 
 @compiled
 def _inside(axes, vertices, theta, x, y):
-    """How far (x, y) is inside a body: 1 in the middle of an ellipse, m from the nearest side of a polygon."""
+    """Depth of (x, y) inside a body: 1 at the centre of an ellipse; distance in m to the nearest side of a polygon."""
     sin, cos = np.sin(theta), np.cos(theta)
     u, v = cos * x + sin * y, cos * y - sin * x
     if len(vertices) == 0:
@@ -172,10 +172,10 @@ def _inside(axes, vertices, theta, x, y):
 
 @compiled
 def _pressed(axes, vertices, theta, height, damping, v_y, omega, aside):
-    """∫ p dx and ∫ x p dx over the chord at `height`, of p = eᵐ (1 − d (v_y + x ω))₊ with e of `_inside`, and their
-    derivatives: −∂/∂v_y of the first, −∂/∂ω of the first (which is −∂/∂v_y of the second), −∂/∂ω of the second.
+    """∫ p dx and ∫ x p dx over the chord at `height`, of p = eᵐ (1 − d (v_y + x ω))₊ with e from `_inside`, and their
+    derivatives: −∂/∂v_y of the first, −∂/∂ω of the first (equal to −∂/∂v_y of the second), −∂/∂ω of the second.
 
-    m is 1 of a prism; of an ellipsoid 3/2, as the pressure is also integrated across the plane.
+    m is 1 for a prism and 3/2 for an ellipsoid, because the pressure is also integrated across the plane.
     """
     left, right = _chord(axes, vertices, theta, height)
     total = moment = slope = across = turning = 0.0
@@ -199,34 +199,34 @@ def _pressed(axes, vertices, theta, height, damping, v_y, omega, aside):
 
 @compiled
 def central_pressure(axes, vertices, theta, depth):
-    """∫ p dx over the chord, over depth², of a body at rest at the angle θ that has sunk in by `depth` in m."""
+    """∫ p dx over the chord, divided by depth², of a body at rest at the angle θ that penetrates by `depth` in m."""
     height = _lowest(axes, vertices, theta)[1] + depth
     return _pressed(axes, vertices, theta, height, 0.0, 0.0, 0.0, 0.0)[0] / depth**2
 
 
 @compiled
 def integrate(force, points, body, outline, spring, chord, velocity, step, most):
-    """The motion of n bodies from their first touch until none of their p contact points is in the surface any more.
+    """Integrate the motion of n bodies from first contact until none of their p contact points penetrates the surface.
 
-    A contact that has unloaded before the body is out of its dent remembers how deep it was: the body may press again.
+    A contact that unloads before it leaves its dent keeps its greatest depth, because the body may press again.
 
     Args:
-        force: kind, exponent, damping along the surface over that across it (n,) of a convex contact or the slip
-            v_s (n,) in m/s of a pressure field, R m (n,) of a convex contact, `central_pressure` of a pressure field.
+        force: kind; exponent; ratio (n,) of tangential to normal damping of a convex contact, or the slip v_s (n,) in
+            m/s of a pressure field; R m (n,) of a convex contact; `central_pressure` of a pressure field.
         points: r_x, r_y, gap in m, μ, D and L in m of each point, (6, p, n).
         body: 1/k² (n,) in 1/m², acceleration in flight (n, 3) in m/s² and rad/s², angle θ (n,) in rad.
-        outline: whether the lowest point moves over the body as it turns, squares (2,) of its semi-axes in m², vertices
+        outline: whether the lowest point moves over the body as it turns, squared semi-axes (2,) in m², vertices
             (k, 2) in m.
         spring: η and ζ (n,) of the spring along the surface; η = 0 is rigid.
-        chord: share (n,) of the depth by which the body gives way, so that the force acts higher, and by how much
-            further along the surface (p, n), over that height.
+        chord: fraction (n,) of the depth by which the body yields, which raises the point of the force by as much, and
+            shift (p, n) of this point along the surface, relative to that rise.
         velocity: (n, 3) in m/s and rad/s.
         step: (n,) in s.
-        most: steps (n,).
+        most: greatest number of steps (n,).
 
     Returns:
-        Shift (n, 3) in m and rad, velocity (n, 3), time (n,) in s, and of each point (p, n) the impulses along the
-        surface and across it, per mass, in m/s.
+        Shift (n, 3) in m and rad, velocity (n, 3), time (n,) in s, and for each point (p, n) the tangential and normal
+        impulses per mass, in m/s.
     """
     kind, exponent, ratios, rhos, central = force
     r_xs, r_ys, gaps, mus, losses, lengths = points
@@ -245,7 +245,7 @@ def integrate(force, points, body, outline, spring, chord, velocity, step, most)
         x = y = turn = t = 0.0
         v_x, v_y, omega = velocity[i]
         deepest[:], stretch[:], share[:], f_n[:], f_t[:] = 0.0, 0.0, 0.0, 0.0, 0.0
-        # where the contact point is beside the lowest one of a smooth body
+        # the contact point is given relative to the lowest point of a smooth body
         beside = _lowest(axes, vertices, thetas[i]) if smooth else (0.0, 0.0)
         for _ in range(most[i]):
             x, y, turn = x + 0.5 * h * v_x, y + 0.5 * h * v_y, turn + 0.5 * h * omega
@@ -258,7 +258,7 @@ def integrate(force, points, body, outline, spring, chord, velocity, step, most)
                 r_x[k], r_y[k] = under[0] + cos * at_x - sin * at_y, under[1] + sin * at_x + cos * at_y
                 depth = -(gaps[k, i] + y + r_y[k] - r_ys[k, i])
                 depths[k] = depth
-                # the force acts in the chord that the surface cuts off
+                # the force acts within the chord where the surface cuts the body
                 inside = shares[i] * max(depth, 0.0)
                 r_x[k] += leans[k, i] * inside
                 r_y[k] += inside
@@ -269,12 +269,12 @@ def integrate(force, points, body, outline, spring, chord, velocity, step, most)
                     convex[:, k] = r_x[k], r_y[k], depths[k], mus[k, i], loss * SPEED / length, (SPEED / length) ** 2
                     convex[4:, k] *= 1.0 + rho
                     continue
-                if depth < 0.0:  # no contact pushes above the surface
+                if depth < 0.0:  # contacts above the surface do not push
                     push[k] = 0.0
                     continue
                 deep, fast = depth / length, -(v_y + r_x[k] * omega) / SPEED
                 f, slope = _push(kind, exponent, deep, fast, deepest[k] / length, loss)
-                # what the force changes at its point until the middle of the step, with friction as in the step before
+                # effect of the force at its point until the middle of the step, with the friction of the previous step
                 turns = (r_x[k] - share[k] * r_y[k]) * w
                 mobility = 1.0 + r_x[k] * turns
                 kick = h * SPEED**2 / length
@@ -315,25 +315,25 @@ def integrate(force, points, body, outline, spring, chord, velocity, step, most)
                 slid = v_x - r_y[k] * before
                 if kind == PRESSURE_FIELD and ratio > 0.0:
                     limit *= 2.0 / np.pi * np.arctan(abs(slid) / ratio)
-                pulled = slip - slid  # by the forces across the surface
+                pulled = slip - slid  # by the normal forces
                 if kind == CONVEX:
                     drag = h * f_t[k]
                 elif etas[i] > 0.0 and push[k] > 0.0:
                     thick = exponent * _power(max(deepest[k] / lengths[k, i], THIN), exponent - 1.0)
                     stiffness = (SPEED / lengths[k, i]) ** 2 * thick / etas[i]
                     damping = 2.0 * zetas[i] * np.sqrt(stiffness / mobility)
-                    # both at the middle of a step that resolves them, or it would damp; else at its end
+                    # both evaluated in the middle of a step that resolves them, else at its end; the end adds damping
                     part = 0.5 if stiffness * mobility * h * h < RESOLVED else 1.0
                     carries = h * (part * h * stiffness + damping)
                     drag = h * stiffness * stretch[k] + carries * (slip - (1.0 - part) * pulled)
                     drag /= -(1.0 + part * carries * mobility)
                     drag = min(max(drag, -limit), limit)
-                    # spring and damper carry the drag together, sliding or not
+                    # spring and damper carry the drag together, whether the contact slides or not
                     stretch[k] -= (h * stiffness * stretch[k] + drag) * h / carries
                 else:
                     stretch[k] = 0.0
                     ends = 1.0 / (mobility * max(pressing, 1))
-                    # friction first holds against the slip, then, where it is too weak, in the other direction
+                    # friction first opposes the initial slip, then, if too weak to stop it, the reversed slip
                     most_change = limit / ends
                     turns_round = slid * pulled < 0.0 and most_change < abs(pulled) > abs(slid) - most_change
                     if turns_round:

@@ -1,42 +1,42 @@
-"""Contacts of bodies in space that take time, compiled: the motion of a body on all its contact points.
+"""Compiled compliant contacts of finite duration in space: the motion of a body on all its contact points.
 
-Units, forces and steps are those of `compiled.py`, the motion in the plane.  Here the spin follows from the angular
-momentum L, which the body keeps without torque,
+Units, forces and steps are those of the motion in the plane in `compiled.py`.  In space the spin follows from the
+angular momentum L, which is constant without torque,
 
-    ω = W L,    W = T W_0 Tᵀ,    T the turn since the touch, W_0 the inverse inertia there, in axes of the world.
+    ω = W L,    W = T W_0 Tᵀ,    T the turn since first contact, W_0 the inverse inertia then, in world axes.
 
-Friction has two components.  It ends the slip within the step, if |c_t| ≤ μ c_n; else it is μ c_n against the slip in
-the middle of the step, (½ A + λ) c_t = −s, with A the compliance along the surface, or, where the slip turns round
-within the step, first against the slip before and then against the one after.  With torsional friction, a couple τ
-about the normal shares its limit, |(c_t / μ, τ / m_t)| ≤ c_n.  A convex contact has the force
-that minimises its program in the circular cone |f_t| ≤ μ f_n.  On a pyramid it is the sum of pushes g ≥ 0 along four
-edges, n ± μ t_1 and n ± μ t_2, each with its share of R.  Its torsional friction is in the same cone, or on two more
-edges, with R as of a slip of ω_n m_t / μ.
-μ is that of fast slip times Stribeck's factor 1 + s exp(−(|s_t| / v_s)²) at the slip s_t in the middle of the step, of
-a convex contact before it.  Where an ellipse limits friction, M = 1 + [[a_c, a_s], [a_s, −a_c]] and c_t = M d, friction
-of springs ends M s with M A M by d in place of c_t.  A point that touches within a step presses from there on, but for
-a convex contact, whose engine does not see it either.
+Friction has two components.  It ends the slip within the step if |c_t| ≤ μ c_n; else it is μ c_n against the slip in
+the middle of the step, (½ A + λ) c_t = −s, with A the compliance along the surface.  If the slip reverses within the
+step, friction first opposes the slip before and then the slip after.  With torsional friction, a couple τ about the
+normal shares the limit, |(c_t / μ, τ / m_t)| ≤ c_n.  The force of a convex contact minimises its convex program in the
+circular cone |f_t| ≤ μ f_n.  On a pyramid it is a sum of forces g ≥ 0 along four edges, n ± μ t_1 and n ± μ t_2, each
+with its part of R.  Torsional friction lies in the circular cone, too, or on two more edges of the pyramid, with the R
+of a slip of ω_n m_t / μ.
+μ is the value for fast slip times Stribeck's factor 1 + s exp(−(|s_t| / v_s)²) at the slip s_t in the middle of the
+step; for a convex contact, at its start.  If an ellipse limits friction, with M = 1 + [[a_c, a_s], [a_s, −a_c]] and
+c_t = M d, the friction of springs is solved for d with slip M s and compliance M A M.  A point that touches within a
+step presses from that instant on, except in convex contacts, whose engine does not resolve this instant either.
 
-A contact point is one of a body that is a Minkowski sum (`bodies/minkowski.py`): a point that turns with the body, plus
-the lowest point of an ellipsoid that turns with it, less a radius along the normal.
+A contact point belongs to a body that is a Minkowski sum (`bodies/minkowski.py`): a point that turns with the body,
+plus the lowest point of an ellipsoid that turns with it, minus a radius along the normal.
 
-numba compiles this file at the first call and keeps the result beside it.  It does not see a change of `compiled.py`:
-who changes the forces there touches this file, too.
+numba compiles this file at the first call and caches the result next to it.  A change in `compiled.py` is not
+detected: after changing forces there, also modify (touch) this file.
 """
 
 import numpy as np
 
 from thesis_lib.contact.compliant.compiled import CONVEX, PYRAMID, SETTLED, SPEED, SWEEPS, _push, compiled
 
-CLOSE = 1e-9  # relative: friction on its limit
-MOST = 40  # steps to it; some 4 of Newton's are needed
-LEAST = 1e-9  # μ, so that a cone has a size
-ON_BALL = 1e-13  # relative, of what `in_ball` limits
+CLOSE = 1e-9  # relative tolerance of friction at its limit
+MOST = 40  # steps to the limit; about 4 Newton steps are needed
+LEAST = 1e-9  # least μ, for a cone of non-zero size
+ON_BALL = 1e-13  # relative tolerance of the length that `in_ball` limits
 
 
 @compiled
 def _limited(a, b, c, x, y, limit):
-    """d in |d| ≤ limit with (A + λ) d = −(x, y), λ ≥ 0 as small as that allows; A = [[a, b], [b, c]]."""
+    """d with |d| ≤ limit and (A + λ) d = −(x, y) for the least possible λ ≥ 0; A = [[a, b], [b, c]]."""
     added = 0.0
     for _ in range(MOST):
         a_1, c_1 = a + added, c + added
@@ -47,7 +47,7 @@ def _limited(a, b, c, x, y, limit):
             break
         if limit <= 0.0:
             return 0.0, 0.0
-        # Newton's step for 1/|d|, which is nearly straight in λ (Moré and Sorensen 1983)
+        # Newton's step for 1/|d|, which is nearly linear in λ (Moré and Sorensen 1983)
         square = (c_1 * d_1 * d_1 - 2.0 * b * d_1 * d_2 + a_1 * d_2 * d_2) / det
         added += length * length / square * (length - limit) / limit
     return d_1, d_2
@@ -55,14 +55,14 @@ def _limited(a, b, c, x, y, limit):
 
 @compiled
 def _friction(a, b, c, x, y, s_1, s_2, limit, sharing):
-    """Friction impulse of a step that takes the slip from (x, y) to (s_1, s_2) without it, of at most `limit`.
+    """Friction impulse, at most `limit`, in a step that changes the slip from (x, y) to (s_1, s_2) without friction.
 
-    [[a, b], [b, c]] is the compliance along the surface; what ends the slip is shared by `sharing` contacts.
+    [[a, b], [b, c]] is the compliance along the surface; the impulse ending the slip is shared by `sharing` contacts.
     """
     a, b, c = sharing * a, sharing * b, sharing * c
     pull_1, pull_2, speed = s_1 - x, s_2 - y, np.sqrt(x * x + y * y)
     if x * pull_1 + y * pull_2 < 0.0 and limit > 0.0:
-        # friction first holds against the slip, then, where it is too weak, in another direction
+        # friction first opposes the initial slip, then, if too weak to stop it, the slip in another direction
         d_1, d_2 = _limited(a, b, c, pull_1, pull_2, np.inf)
         if d_1 * d_1 + d_2 * d_2 > limit * limit:
             d_1, d_2 = _limited(a, b, c, pull_1, pull_2, limit)
@@ -79,7 +79,7 @@ def _friction(a, b, c, x, y, s_1, s_2, limit, sharing):
 
 @compiled
 def _inverted(a, b, c, d, e, f, x, y, z):
-    """The solution of the symmetric system ((a, b, c), (b, d, e), (c, e, f)) · = (x, y, z)."""
+    """Solution of the symmetric system ((a, b, c), (b, d, e), (c, e, f)) · = (x, y, z)."""
     A, B, C = d * f - e * e, c * e - b * f, b * e - c * d
     D, E, F = a * f - c * c, b * c - a * e, a * d - b * b
     det = a * A + b * B + c * C
@@ -88,7 +88,7 @@ def _inverted(a, b, c, d, e, f, x, y, z):
 
 @compiled
 def in_ball(a, b, c, d, e, f, x, y, z, radius):
-    """y in |y| ≤ radius with (B + λ) y = −(x, y, z), λ ≥ 0 as small as that allows; B as of `_inverted`."""
+    """y with |y| ≤ radius and (B + λ) y = −(x, y, z) for the least possible λ ≥ 0; B is the matrix of `_inverted`."""
     added = 0.0
     for _ in range(MOST):
         p, q, r = _inverted(a + added, b, c, d + added, e, f + added, -x, -y, -z)
@@ -104,9 +104,9 @@ def in_ball(a, b, c, d, e, f, x, y, z, radius):
 
 @compiled
 def _twisted(A, x, y, turning, s_1, s_2, omega_n, mu, lever, push, sharing):
-    """As `_friction`, with a couple about the normal that takes the spin from `turning` to `omega_n` without it.
+    """As `_friction`, with a couple about the normal; without it the step changes the spin from `turning` to `omega_n`.
 
-    A (4, 4) is that of `_compliance`; |(f / μ, τ / lever)| is at most `push`.
+    A (4, 4) is the matrix of `_compliance`; |(f / μ, τ / lever)| is at most `push`.
     """
     m, t = max(mu, LEAST), lever
     a, b, c = sharing * m * m * A[0, 0], sharing * m * m * A[0, 1], sharing * m * t * A[0, 3]
@@ -122,8 +122,8 @@ def _twisted(A, x, y, turning, s_1, s_2, omega_n, mu, lever, push, sharing):
 def _in_cone(Q, c, mu, lever, start):
     """f (f_1, f_2, f_n, τ) that minimises ½ fᵀ Q f − fᵀ c in |(f_t / μ, τ / lever)| ≤ f_n; τ is 0 without a lever.
 
-    What is least at a given f_n is convex in f_n, so that its slope rises: Newton's steps from `start` to its root,
-    between what is known to be too low and too high.
+    The minimum at a given f_n is a convex function of f_n: its slope increases, and Newton's steps from `start` find
+    the root of the slope, bracketed by values that are too low and too high.
     """
     m, t = max(mu, LEAST), lever
     A, B, C, D, E, F = m * m * Q[0, 0], m * m * Q[0, 1], m * t * Q[0, 3], m * m * Q[1, 1], m * t * Q[1, 3], 1.0
@@ -160,7 +160,7 @@ def _in_cone(Q, c, mu, lever, start):
 
 @compiled
 def _on_edges(P, c, free, g, M, x):
-    """g with P g = c where `free`, else 0, by elimination; P (n, n) is positive definite, M and x room for it."""
+    """Set g to the solution of P g = c where `free`, else 0; P (n, n) is positive definite, M and x are work arrays."""
     n, m = len(P), 0
     for i in range(n):
         g[i] = 0.0
@@ -171,7 +171,7 @@ def _on_edges(P, c, free, g, M, x):
                     M[m, k] = P[i, j]
                     k += 1
             m += 1
-    # the lower triangle becomes that of P = L D Lᵀ
+    # the lower triangle becomes the factor in P = L D Lᵀ
     for i in range(m):
         for j in range(i + 1, m):
             share = M[j, i] / M[i, i]
@@ -191,7 +191,7 @@ def _on_edges(P, c, free, g, M, x):
 
 @compiled
 def _of_edges(Q, mu, lever, regular, P):
-    """Into P (n, n), for n edges, the matrix of ½ fᵀ Q f + ½ `regular` Σ g_i² of f = Σ g_i e_i; n."""
+    """Set P (n, n) to the matrix in g of ½ fᵀ Q f + ½ `regular` Σ g_i², f = Σ g_i e_i; return the number n of edges."""
     n = 6 if lever > 0.0 else 4
     for i in range(n):
         a, x = _edge(i, mu, lever)
@@ -205,10 +205,10 @@ def _of_edges(Q, mu, lever, regular, P):
 
 @compiled
 def _pyramid(P, c, mu, lever, free, g, d, M, x):
-    """f (f_1, f_2, f_n, τ) = Σ g_i e_i of g ≥ 0 that minimise ½ gᵀ P g − fᵀ c, with P (n, n) of `_of_edges`.
+    """f (f_1, f_2, f_n, τ) = Σ g_i e_i with g ≥ 0 that minimises ½ gᵀ P g − fᵀ c, with P (n, n) of `_of_edges`.
 
-    The signs of g and of its slopes are put right one at a time, the first that is wrong each time (Murty 1974), from
-    the edges that are `free` at first.  g, d, x (n,) and M (n, n) are room.
+    Starting from the edges that are `free`, each step corrects the first wrong sign of g or of its slopes (Murty 1974).
+    g, d, x (n,) and M (n, n) are work arrays.
     """
     n = len(P)
     for i in range(n):
@@ -240,15 +240,15 @@ def _pyramid(P, c, mu, lever, free, g, d, M, x):
 
 @compiled
 def _edge(i, mu, lever):
-    """Which component the edge has beside the normal one, and how much of it."""
+    """Index and size of the component that edge i has besides the normal one."""
     a, x = (3, lever) if i > 3 else (i // 2, mu)
     return a, x if i % 2 == 0 else -x
 
 
 @compiled
 def _compliance(W, r, A):
-    """K = 1 − [r]ₓ W [r]ₓ into the first rows of A (4, 4), with W (3, 3) and r (3,); into the last what a couple about
-    the normal does: W n × r to the point, W_nn to the spin."""
+    """Set the first rows of A (4, 4) to K = 1 − [r]ₓ W [r]ₓ, with W (3, 3) and r (3,); the last one to the effect of a
+    couple about the normal: W n × r on the velocity of the point, W_nn on the spin."""
     x, y, z = r[0], r[1], r[2]
     # rows of −[r]ₓ W
     for j in range(3):
@@ -263,11 +263,11 @@ def _compliance(W, r, A):
 
 @compiled
 def _convex(kind, h, rho, ratio, v, omega, a, alpha, W, rs, depths, mus, levers, Bs, Ks, forces, room):
-    """Forces and couples about the normal per mass of convex contacts, into `forces` (p, 4), which holds those of the
-    step before.
+    """Replace in `forces` (p, 4) the forces and normal couples per mass of convex contacts in the previous step by the
+    new ones.
 
-    As in the plane: they are those of velocities in the middle of a step of h from `v`, `omega`; a and alpha (3,) are
-    the accelerations of the body without contact, and are changed.  `room` is that of `_room`.
+    As in the plane, they belong to velocities in the middle of a step h from `v`, `omega`; a and alpha (3,) are the
+    accelerations of the body without contact, and are modified.  `room` holds the work arrays of `_room`.
     """
     (As, Qs, Ps, cs, free), (c, u, d, M), (g, x, y, N) = room
     p = len(depths)
@@ -311,10 +311,10 @@ def _convex(kind, h, rho, ratio, v, omega, a, alpha, W, rs, depths, mus, levers,
                 n = 6 if lever > 0.0 else 4
                 if mu > 0.0:
                     f_1, f_2, f_n, twist = _pyramid(Ps[k, :n, :n], c, mu, lever, free[k], g, x, N, y)
-                else:  # all edges are the normal
+                else:  # all edges coincide with the normal
                     f_1, f_2, f_n, twist = 0.0, 0.0, max(c[2], 0.0) / Q[2, 2], 0.0
             else:
-                # sticking: at the middle of a step that resolves it, or it would swing; else at its end
+                # sticking: evaluated in the middle of a step that resolves it, else at the end against oscillation
                 largest = max(A[0, 0], A[1, 1])
                 later = 0.0 if B * h * largest < half * largest + rho / ratio else 0.5 * B * h
                 f_1, f_2, f_n, twist = _sticking(Q, A, c, u, later, lever, M, d)
@@ -349,9 +349,9 @@ def _room(p):
 
 @compiled
 def _sticking(Q, A, c, u, later, lever, M, d):
-    """f (f_1, f_2, f_n, τ) with Q f = c, friction and couple `later` in the step; τ is 0 without a lever.
+    """f (f_1, f_2, f_n, τ) with Q f = c, friction and couple evaluated `later` in the step; τ is 0 without a lever.
 
-    M (3, 3) and d (3,) are room to work in.
+    M (3, 3) and d (3,) are work arrays.
     """
     for i in range(3):
         share = 0.0 if i == 2 else later
@@ -375,7 +375,7 @@ def _sticking(Q, A, c, u, later, lever, M, d):
 
 @compiled
 def _accelerate(f_1, f_2, f_n, twist, r, W, a, alpha):
-    """Add what a force at r and a couple about the normal do to the accelerations a and alpha (3,)."""
+    """Add the effect of a force at r and of a couple about the normal to the accelerations a and alpha (3,)."""
     a[0], a[1], a[2] = a[0] + f_1, a[1] + f_2, a[2] + f_n
     x, y, z = r[1] * f_n - r[2] * f_2, r[2] * f_1 - r[0] * f_n, r[0] * f_2 - r[1] * f_1 + twist
     for i in range(3):
@@ -399,9 +399,9 @@ def _solved(Q, c):
 
 @compiled
 def _turn(q, x, y, z):
-    """Turn the quaternion q (4,) by the rotation vector (x, y, z) about axes of the world, by its series.
+    """Turn the quaternion q (4,) by the rotation vector (x, y, z) about world axes, using a power series.
 
-    Steps of a contact turn by some 1e-3 rad.
+    Steps of a contact turn the body by about 1e-3 rad.
     """
     half = 0.25 * (x * x + y * y + z * z)
     share, c = 0.5 - half / 12.0, 1.0 - 0.5 * half + half * half / 24.0
@@ -415,7 +415,7 @@ def _turn(q, x, y, z):
 
 @compiled
 def _matrix(q, T):
-    """The rotation matrix of the quaternion q into T (3, 3)."""
+    """Set T (3, 3) to the rotation matrix of the quaternion q."""
     w, x, y, z = q[0], q[1], q[2], q[3]
     T[0, 0], T[0, 1], T[0, 2] = 1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - w * z), 2.0 * (x * z + w * y)
     T[1, 0], T[1, 1], T[1, 2] = 2.0 * (x * y + w * z), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - w * x)
@@ -424,7 +424,7 @@ def _matrix(q, T):
 
 @compiled
 def _turned_inertia(T, W_0, W):
-    """T W_0 Tᵀ into W (3, 3)."""
+    """Set W (3, 3) to T W_0 Tᵀ."""
     for i in range(3):
         x = T[i, 0] * W_0[0, 0] + T[i, 1] * W_0[1, 0] + T[i, 2] * W_0[2, 0]
         y = T[i, 0] * W_0[0, 1] + T[i, 1] * W_0[1, 1] + T[i, 2] * W_0[2, 1]
@@ -435,15 +435,15 @@ def _turned_inertia(T, W_0, W):
 
 @compiled
 def _times(W, L, omega):
-    """W L into omega (3,)."""
+    """Set omega (3,) to W L."""
     for i in range(3):
         omega[i] = W[i, 0] * L[0] + W[i, 1] * L[1] + W[i, 2] * L[2]
 
 
 @compiled
 def _rolled(T, squares, axes, radius, at):
-    """Lowest point, from its centre, of an ellipsoid with squares (3,) of the semi-axes along the columns of T `axes`,
-    less the radius along the normal; into `at` (3,)."""
+    """Set `at` (3,) to the lowest point, from its centre, of an ellipsoid with squared semi-axes (3,) along the
+    columns of T `axes`, minus the radius along the normal."""
     at[0], at[1], at[2] = 0.0, 0.0, -radius
     if squares[0] + squares[1] + squares[2] == 0.0:
         return
@@ -465,19 +465,19 @@ def _rolled(T, squares, axes, radius, at):
 
 @compiled
 def _stribeck(mu, x, y, s, v_s):
-    """The coefficient of friction of the slip (x, y) in m/s."""
+    """Coefficient of friction at the slip (x, y) in m/s, with Stribeck's factor."""
     return mu * (1.0 + s * np.exp(-(x * x + y * y) / v_s**2))
 
 
 @compiled
 def _stretched(a_c, a_s, x, y):
-    """M (x, y), M of an ellipse."""
+    """Product M (x, y) with the matrix M of a friction ellipse."""
     return (1.0 + a_c) * x + a_s * y, a_s * x + (1.0 - a_c) * y
 
 
 @compiled
 def _roll(share, couples, L):
-    """Add a share of couples (p, 2) about level axes to the angular momentum L (3,)."""
+    """Add `share` times the couples (p, 2) about horizontal axes to the angular momentum L (3,)."""
     for k in range(len(couples)):
         L[0] += share * couples[k, 0]
         L[1] += share * couples[k, 1]
@@ -485,24 +485,24 @@ def _roll(share, couples, L):
 
 @compiled
 def integrate(force, r_0, points, friction, body, outline, velocity, spin, step, most):
-    """The motion of n bodies from their first touch until none of their p contact points is in the surface any more.
+    """Integrate the motion of n bodies from first contact until none of their p contact points penetrates the surface.
 
     Args:
-        force: kind, exponent, damping along the surface over that across it (n,) and R m (n,) of a convex contact, on a
-            pyramid along the surface; share (n,) of the depth by which the force acts above the point.
-        r_0: points (3, p, n) in m from the centre of mass, at the touch.
+        force: kind; exponent; ratio (n,) of tangential to normal damping and R m (n,) of a convex contact, on a pyramid
+            along the surface; height (n,) of the force above the point, as a fraction of the depth.
+        r_0: points (3, p, n) in m from the centre of mass, at first contact.
         points: gap in m, μ, D and L in m of each point, (4, p, n).
         friction: s and v_s in m/s of Stribeck's factor, m_t and m_r in m, a_c and a_s of an ellipse, (6, n).
-        body: W_0 (3, 3, n) in 1/m² and L (3, n) in m²/s at the touch; acceleration in m/s² and couple in m²/s² of the
+        body: W_0 (3, 3, n) in 1/m² and L (3, n) in m²/s at first contact; acceleration in m/s² and couple in m²/s² in
             flight, (3, n).
-        outline: squares (3,) in m² of the semi-axes of an ellipsoid that rolls, axes of the body (3, 3, n) as columns
-            at the touch, and radius in m that is kept below.
+        outline: squared semi-axes (3,) in m² of an ellipsoid that rolls, axes of the body (3, 3, n) as columns at first
+            contact, and radius in m, subtracted along the normal.
         velocity, spin: (3, n) in m/s and rad/s.
         step: (n,) in s.
-        most: steps (n,).
+        most: greatest number of steps (n,).
 
     Returns:
-        Shift (3, n) in m, turn (4, n) as a quaternion, velocity and spin (3, n), time (n,) in s, and of each point the
+        Shift (3, n) in m, turn (4, n) as a quaternion, velocity and spin (3, n), time (n,) in s, and for each point the
         impulses per mass (3, p, n) in m/s.
     """
     kind, exponent, ratios, rhos, shares = force
@@ -544,12 +544,12 @@ def integrate(force, r_0, points, friction, body, outline, velocity, spin, step,
                 depth, sunk = depths[k], -(gaps[k, i] + x[2] + r[k, 2] - r_0[2, k, i])
                 depths[k], push[k], parts[k] = sunk, 0.0, 1.0
                 touches = not is_convex and deepest[k] == 0.0 and sunk + 0.5 * (sunk - depth) > 0.0
-                if sunk < 0.0 and not touches:  # no contact pushes above the surface
+                if sunk < 0.0 and not touches:  # contacts above the surface do not push
                     forces[k] = 0.0
                     continue
                 r[k, 0] = under[0] + T[0, 0] * c_1 + T[0, 1] * c_2 + T[0, 2] * c_3
                 r[k, 1] = under[1] + T[1, 0] * c_1 + T[1, 1] * c_2 + T[1, 2] * c_3
-                if touches:  # it presses from where it touches within the step
+                if touches:  # it presses from the instant within the step at which it touches
                     path = -h * (v[2] + omega[0] * r[k, 1] - omega[1] * r[k, 0])
                     parts[k] = min(0.5 + sunk / path, 1.0) if path > 0.0 else 0.0
                     if parts[k] <= 0.0:
@@ -588,7 +588,7 @@ def integrate(force, r_0, points, friction, body, outline, velocity, spin, step,
                     fast = -(v[2] + omega[0] * r[k, 1] - omega[1] * r[k, 0]) / SPEED
                     length = lengths[k, i]
                     f, slope = _push(kind, exponent, depths[k] / length, fast, deepest[k] / length, losses[k, i])
-                    # what the force changes at its point until the middle of the step, with friction as before
+                    # effect of the force at its point until the middle of the step, with the previous friction
                     mobility = A[2, 2] + carried[k, 0] * A[2, 0] + carried[k, 1] * A[2, 1]
                     kick = h * SPEED**2 / length
                     push[k] = parts[k] * kick * f / (1.0 + 0.5 * kick * slope * mobility)
@@ -601,7 +601,7 @@ def integrate(force, r_0, points, friction, body, outline, velocity, spin, step,
                     v[2] += push[k]
                     L[0] += r[k, 1] * push[k]
                     L[1] -= r[k, 0] * push[k]
-            if friction[3, i] > 0.0:  # friction expects the couples of the step before
+            if friction[3, i] > 0.0:  # friction uses the rolling couples of the previous step
                 _roll(1.0, rolled, L)
             _times(W, L, omega)
             along_1 = along_2 = 0.0
@@ -627,7 +627,7 @@ def integrate(force, r_0, points, friction, body, outline, velocity, spin, step,
                         for j in (0, 1, 3):
                             A[0, j], A[1, j] = _stretched(a_c, a_s, A[0, j], A[1, j])
                     for corrected in range(2 if friction[0, i] != 0.0 else 1):
-                        if corrected:  # μ of the slip in the middle of the step
+                        if corrected:  # μ at the slip in the middle of the step
                             mid_1 = 0.5 * (x_1 + s_1 + A[0, 0] * d_1 + A[0, 1] * d_2 + A[0, 3] * twist)
                             mid_2 = 0.5 * (x_2 + s_2 + A[0, 1] * d_1 + A[1, 1] * d_2 + A[1, 3] * twist)
                             if not is_round:

@@ -1,1 +1,1 @@
-"""The sliding path of an impact in space, compiled."""
+"""Compiled sliding path of an impact in space."""

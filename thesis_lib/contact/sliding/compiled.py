@@ -1,26 +1,26 @@
-"""The path of impacts in space, compiled; its equations stand in `contact/slip_hodograph.py`.
+"""Compiled path of impacts in space; see `contact/slip_hodograph.py` for the equations.
 
-numba compiles this file at the first call, in some seconds, and keeps the result beside it.  What is compiled must
-stand here, since numba does not see changes of functions in other files.
+numba compiles this file at the first call, in a few seconds, and caches the result next to it.  All compiled functions
+must be in this file, because numba does not detect changes to functions in other files.
 """
 
 import numpy as np
 from numba import njit
 
 NEWTON, POISSON, STRONGE = range(3)
-SHORTER = 0.4  # of the turn of a step, by which slip may change instead
-KEPT_DIRECTION = 1e-13  # of the rates: rounding, as that of an impact in a plane
+SHORTER = 0.4  # weight of a relative change of slip, against a turn, in the length of a step
+KEPT_DIRECTION = 1e-13  # relative to the rates: rounding error, as in a planar impact
 LEFT_TO_TURN = 1e-10  # rad
-NO_SLIP = 1e-12  # of the contact speed
-REFINEMENTS = 40  # Newton steps, bracketed, to the end of a phase within a step; some 4 are needed
-FOUND = 1e-11  # of the step; Newton squares it
+NO_SLIP = 1e-12  # relative to the contact speed
+REFINEMENTS = 40  # bracketed Newton steps to the end of a phase within a step; about 4 are needed
+FOUND = 1e-11  # relative to the step; Newton squares the error
 
 compiled = njit(cache=True, error_model="numpy")
 
 
 @compiled
 def _rate(x, y, path):
-    """dx/dp along the principal axes."""
+    """Rate dx/dp of the slip along the principal axes."""
     k_1, k_2, f_1, f_2 = path[:4]
     V = np.sqrt(x * x + y * y)
     return k_1 - f_1 * (x / V), k_2 - f_2 * (y / V)
@@ -28,7 +28,7 @@ def _rate(x, y, path):
 
 @compiled
 def _stepped(state, h, path):
-    """Slip, p and W after the normal impulse h, by the Runge-Kutta method of order 4."""
+    """Slip, p and W after an increment h of the normal impulse, by the Runge-Kutta method of order 4."""
     x, y, p, W = state
     a_1, a_2, S, C = path[4:]
     half = 0.5 * h
@@ -36,7 +36,7 @@ def _stepped(state, h, path):
     r2, s2 = _rate(x + half * r1, y + half * s1, path)
     r3, s3 = _rate(x + half * r2, y + half * s2, path)
     r4, s4 = _rate(x + h * r3, y + h * s3, path)
-    # ∫ v_n dp by the same stages; S p is exact
+    # ∫ v_n dp from the same stages; S p is exact
     sixth = h / 6.0
     v_n = a_1 * (x + sixth * (r1 + r2 + r3)) + a_2 * (y + sixth * (s1 + s2 + s3)) + S * (p + half) + C
     x, y = x + sixth * (r1 + 2.0 * (r2 + r3) + r4), y + sixth * (s1 + 2.0 * (s2 + s3) + s4)
@@ -45,7 +45,7 @@ def _stepped(state, h, path):
 
 @compiled
 def _missing(rule, state, path, epsilon, v_n0, p_c, W_c):
-    """Quantity that is negative until the phase ends, and its derivative by p."""
+    """Quantity that is negative until the phase ends, and its derivative with respect to p."""
     x, y, p, W = state
     a_1, a_2, S, C = path[4:]
     v_n = a_1 * x + a_2 * y + S * p + C
@@ -60,17 +60,17 @@ def _missing(rule, state, path, epsilon, v_n0, p_c, W_c):
 
 @compiled
 def _turning(rule, turn, steps, x, y, path, epsilon, v_n0):
-    """Follow a slip until it is straight or the impact ends: slip, p and W there, p_c, W_c, and whether it has."""
+    """Follow turning slip until it is straight or the impact ends; state, p_c, W_c, and whether the impact ended."""
     state, p_c, W_c = (x, y, 0.0, 0.0), np.nan, np.nan
     speed = np.sqrt(x * x + y * y + v_n0 * v_n0)
     for _ in range(steps):
         V = np.sqrt(state[0] * state[0] + state[1] * state[1])
-        if not NO_SLIP * speed < V:  # NaN, too
+        if not NO_SLIP * speed < V:  # also for NaN
             break
         u_1, u_2 = state[0] / V, state[1] / V
         r_1, r_2 = _rate(state[0], state[1], path)
         g, f = u_1 * r_1 + u_2 * r_2, abs(u_1 * r_2 - u_2 * r_1)
-        # df/dθ: negative where the direction is drawn to the one that keeps itself
+        # df/dθ: negative where the slip is attracted to the stationary direction
         drawn = -g - path[2] * u_2 * u_2 - path[3] * u_1 * u_1
         if f <= KEPT_DIRECTION * (abs(path[0]) + abs(path[1]) + path[2]) or f <= LEFT_TO_TURN * -drawn:
             break
@@ -101,21 +101,21 @@ def _turning(rule, turn, steps, x, y, path, epsilon, v_n0):
 
 @compiled
 def _until(work, v, b):
-    """Normal impulse d ≥ 0 at which v d + b d²/2 = work."""
+    """Normal impulse d ≥ 0 for which v d + b d²/2 = work."""
     return 2.0 * work / (v + np.sqrt(v * v + 2.0 * b * work)) if abs(work) > 0.0 else 0.0
 
 
 @compiled
 def _straight(rule, state, path, kappa, start, after, epsilon, v_n0, p_c, W_c):
-    """Impulse at the end of a path that is straight from where it stands, along the principal axes.
+    """Impulse along the principal axes at the end of a path that is straight from the current state on.
 
-    `after` (2) is dc/dp once slip has ended.
+    `after` (2) is dc/dp after slip has ended.
     """
     x, y, p, W = state
     k_1, k_2, f_1, f_2, a_1, a_2, S, C = path
     V = np.hypot(x, y)
     u_1 = u_2 = 0.0
-    # the rest of the first slip: for the normal impulse L, with dV/dp = g and dv_n/dp = b; then b_2
+    # the first slip lasts for the normal impulse L, with dV/dp = g and dv_n/dp = b; then dv_n/dp = b_2
     g, b, L = -1.0, 1.0, 0.0
     if V > 0.0:
         u_1, u_2 = x / V, y / V
@@ -124,14 +124,14 @@ def _straight(rule, state, path, kappa, start, after, epsilon, v_n0, p_c, W_c):
         L = V / -g if g < 0.0 else np.inf
     b_2 = a_1 * (k_1 + kappa[0] * after[0]) + a_2 * (k_2 + kappa[1] * after[1]) + S
     v, d = a_1 * x + a_2 * y + S * p + C, 0.0
-    if np.isnan(p_c):  # compression, if it has not ended
+    if np.isnan(p_c):  # if compression has not ended
         v_L = v + b * L
         if v_L >= 0.0:
             W_c, d = W + v * v / (-2.0 * b), v / -b
         else:
             W_c, d = W + (L * (v + 0.5 * b * L) - v_L * v_L / (2.0 * b_2)), L - v_L / b_2
         p_c, v, W = p + d, 0.0, 0.0
-    # restitution from there: v_n = v, the first slip lasts on for L − d
+    # restitution: starts at v_n = v; the first slip continues for L − d
     rest = max(L - d, 0.0)
     v_L = v + b * rest
     if rule == NEWTON:
@@ -145,7 +145,7 @@ def _straight(rule, state, path, kappa, start, after, epsilon, v_n0, p_c, W_c):
         if not 0.0 <= more <= rest:
             more = rest + _until(work - rest * (v + 0.5 * b * rest), v_L, b_2)
     d += more
-    # slip x = x_0 + K_tt c + k p, and `after` once it has ended
+    # slip x = x_0 + K_tt c + k p; dc/dp = `after` when slip has ended
     slipped = min(d, L)
     if d >= L:
         x = y = 0.0
@@ -159,10 +159,10 @@ def _straight(rule, state, path, kappa, start, after, epsilon, v_n0, p_c, W_c):
 
 @compiled
 def impulses(rule, turn, steps, constants, slips, epsilon, v_n0, after, into):
-    """Impulses along the principal axes and the normal, into (3, n), of n impacts.
+    """Write to `into` (3, n) the impulses of n impacts along the principal axes and the normal.
 
-    `constants` (8, n): k, μ κ and α along both axes, S and C; slips (2, n); `after` (4, n): κ, and dc/dp once slip has
-    ended.
+    `constants` (8, n) are k, μ κ and α along both axes, S and C; `slips` (2, n) the initial slip; `after` (4, n) κ, and
+    dc/dp after slip has ended.
     """
     for i in range(into.shape[1]):
         path = (

@@ -1,20 +1,20 @@
-"""The tangential impulse within a circular cone, compiled; its equations stand in `contact/circular_cone.py`.
+"""Compiled solver for the tangential impulse within a circular cone; see `contact/circular_cone.py` for the equations.
 
-numba compiles this file at the first call, in some seconds, and keeps the result beside it.
+numba compiles this file at the first call, in a few seconds, and caches the result next to it.
 """
 
 import numpy as np
 from numba import njit
 
 EPS = 2.220446049250313e-16
-ROUNDING = 4.0 * EPS  # of the terms of |N| = ℓ D − s·N: what they differ by less is 0
-FOUND = 1e-11  # of λ; Newton squares it.  Less than `EPS` of A changes no impulse
+ROUNDING = 4.0 * EPS  # relative to the terms of |N| = ℓ D − s·N: smaller differences count as 0
+FOUND = 1e-11  # relative to λ; Newton squares the error.  Changes below `EPS` of A do not change the impulse
 MOST = 100  # Newton needs about 8; bisection alone would need 50 to reach rounding error
 
 
 @njit(cache=True, error_model="numpy")
 def _root(a_1, a_2, b_1, b_2, limit, s_1, s_2):
-    """λ: Newton's method, bracketed; NaN where it was not found."""
+    """Root λ by bracketed Newton iteration; NaN if it was not found."""
     low, high, root = 0.0, np.inf, np.hypot(b_1, b_2) / limit
     for _ in range(MOST):
         d_1, d_2 = a_1 + root, a_2 + root
@@ -36,7 +36,7 @@ def _root(a_1, a_2, b_1, b_2, limit, s_1, s_2):
 
 @njit(cache=True, error_model="numpy")
 def impulses(problems, into):
-    """Impulses, into (2, n), of n problems (7, n): principal values of A, the larger one first, b, ℓ and s."""
+    """Write to `into` (2, n) the impulses of n problems (7, n): principal values of A (largest first), b, ℓ and s."""
     for i in range(into.shape[1]):
         a_1, a_2, b_1, b_2 = problems[0, i], problems[1, i], problems[2, i], problems[3, i]
         limit, s_1, s_2 = problems[4, i], problems[5, i], problems[6, i]

@@ -1,1 +1,1 @@
-"""Contacts of a planar body, from the state before to the state after: laws with effects, and the kinds of contact."""
+"""Contacts of a body, from the state before to the state after: laws with effects, and the kinds of contact."""

@@ -1,13 +1,13 @@
-"""The models without effects from which the critique starts: the impact laws, and compliant contacts.
+"""Models without effects from which the critique starts: impact laws and compliant contacts.
 
-A compliant contact takes time, and the critique integrates the motion of the body under its force
-(`thesis_lib/critique/contacts/pressing.py`), with Coulomb friction.  They differ in their normal force
+A compliant contact has a finite duration; the critique integrates the motion of the body under the contact force
+(`thesis_lib/critique/contacts/pressing.py`), with Coulomb friction.  Compliant contacts differ in their normal force
 (`thesis_lib/contact/compliant/normal_force.py`).
 
-The shorter the contact, the less does the body move meanwhile.  In the limit the impulse is that of Routh's path with
-Stronge's energetic restitution, which is Mirtich's law, with the ε that the force has for the mass that the contact
-feels in compression and for its speed; `impulse` is this limit.  It leaves out the lift of a convex contact where that
-slides, which lasts however short the contact is; only the integrated contact has it.
+The shorter the contact, the less the body moves during it.  In the limit the impulse follows Routh's path with
+Stronge's energetic restitution (Mirtich's law); ε is the restitution of the force for the effective mass of the contact
+in compression and for its speed.  `impulse` is this limit.  It omits the lift of a sliding convex contact, which
+persists in arbitrarily short contacts; only the integrated contact includes it.
 """
 
 from collections import ChainMap
@@ -43,7 +43,7 @@ def _limit(force: NormalForce) -> ImpulseFunction:
 
 
 def _compression(space: Contact, mu: np.ndarray) -> np.ndarray:
-    """Normal impulse (n,) until the contact point comes down no more."""
+    """Normal impulse (n,) at the end of compression, where v_n = 0."""
     if space.dimension == 2:
         return slip_path(space, mu).p_c
     return slip_hodograph.impulse(space, mu, np.zeros_like(mu), slip_hodograph.Restitution.POISSON)[2]
@@ -87,16 +87,16 @@ COMPLIANT = (
         "contact of a pressure field",
         PressureField(),
         "Elandt et al. 2019, doi:10.1109/IROS40897.2019.8968548",
-        only=2,  # integrated over the chord that the surface cuts off
+        only=2,  # integrated over the chord where the surface cuts the body
     ),
     _compliant(
         "pyramid_contact",
         "spring and damper with convex friction on a pyramid",
         PyramidDamper(),
         "Todorov 2014, doi:10.1109/ICRA.2014.6907751",
-        only=3,  # in the plane it is the convex contact
+        only=3,  # in the plane it equals the convex contact
     ),
 )
 BASES: Mapping[str, Law] = ChainMap({law.name: law for law in COMPLIANT}, LAWS)
-# those that are tried where rigid laws leave an error
+# second-stage models, tried if rigid laws leave an error
 RESERVE, RESERVE_IN_SPACE = (tuple(law.name for law in COMPLIANT if d in law.dimensions) for d in (2, 3))

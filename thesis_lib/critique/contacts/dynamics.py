@@ -1,20 +1,20 @@
-"""A model at given values, applied to states: its contacts and its flights.
+"""Application of a model at given parameter values to states: contacts and flights.
 
-One impact goes down a ladder and up again; `thesis_lib/effects/effect.py` names the hooks of effects at each rung.
+An impact is computed in the following steps; `thesis_lib/effects/effect.py` defines the hooks of effects in each step.
 
-| rung         | from, to                            | where          | hooks of effects                         |
+| step         | from, to                            | method         | hooks of effects                         |
 |--------------|-------------------------------------|----------------|------------------------------------------|
 | to_true      | measured state, true state          | `to_true`      | `to_true`                                |
-| to_contact   | true state, what the contact sees   | `contact`      | `to_contact`, `contact_point`, `inertia` |
+| to_contact   | true state, state in contact frame  | `contact`      | `to_contact`, `contact_point`, `inertia` |
 | coefficients | μ, ε of the law, of each impact     | `coefficients` | `coefficients`                           |
 | law          | contact, μ and ε, impulse           | `Law.impulse`  |                                          |
-| impulse      | its impulse, impulse and couple     | `_struck`      | `impulse`                                |
+| impulse      | law's impulse, impulse and couple   | `_struck`      | `impulse`                                |
 | time         | touch, pose at the impulse          | `_delay`       | `contact_time`                           |
-| from_contact | what the contact sees, true state   | `from_contact` | `from_contact`                           |
-| to_measured  | true state, what the camera reports | `to_measured`  | `to_measured`                            |
+| from_contact | state in contact frame, true state  | `from_contact` | `from_contact`                           |
+| to_measured  | true state, measured state          | `to_measured`  | `to_measured`                            |
 
-How flights lead to the first rung and on from the last says `thesis_lib/critique/likelihood/at_impact.py`, which kinds
-of contact there are beside an impulse, `thesis_lib/critique/contacts/kinds.py`.
+`thesis_lib/critique/likelihood/at_impact.py` connects flights to the first and the last step;
+`thesis_lib/critique/contacts/kinds.py` defines the kinds of contact, of which an impulse is one.
 """
 
 from collections.abc import Mapping, Sequence
@@ -36,25 +36,25 @@ from thesis_lib.mechanics.inertia import mobility
 from thesis_lib.mechanics.space import about_normal
 from thesis_lib.mechanics.state import State
 
-_H = 1e-3  # s, for the derivative of a linear map: exact for any step
-_H_PATH = 0.02  # s, for the change of the acceleration over a tenth of a second
-_H_BENT = 1e-4  # s, for one that bends parabolas: off by 1e-6 of ω² at 30 rad/s
-_AROUND = np.array([-1e-4, 0.0, 1e-4])  # s, for the velocity along an arc: as exact as that
-EQUAL = 1e-6  # of a moment of inertia
-COURSE = leggauss(12)[0]  # where a flight of half-length 1 is followed
-_ROUNDS = 6  # of the course of a flight, the first by gravity alone: 5e-4 rad at 19 rad/s, drag of 0.5/s, 0.15 s
-_ONCE, _TWICE = (  # integrals from the middle of polynomials that are known at `COURSE`
+_H = 1e-3  # s, step for the derivative of a linear map: exact for any step
+_H_PATH = 0.02  # s, step for the change of the acceleration over a tenth of a second
+_H_BENT = 1e-4  # s, step for a map that distorts parabolas: error 1e-6 of ω² at 30 rad/s
+_AROUND = np.array([-1e-4, 0.0, 1e-4])  # s, for the velocity along an arc: equally accurate
+EQUAL = 1e-6  # relative difference of moments of inertia that count as equal
+COURSE = leggauss(12)[0]  # times at which a flight of half-length 1 is evaluated
+_ROUNDS = 6  # iterations for a flight, the first with gravity alone: off by 5e-4 rad at 19 rad/s, drag 0.5/s, 0.15 s
+_ONCE, _TWICE = (  # integrals from the middle, of polynomials given at `COURSE`
     legval(COURSE, legint(np.eye(len(COURSE)), m, lbnd=0)).T @ np.linalg.inv(legvander(COURSE, len(COURSE) - 1))
     for m in (1, 2)
 )
 
 
 class Dynamics:
-    """A model at given values, on a rig; the base of all kinds of contact (`kinds.bind` makes the right one).
+    """A model at given values, on a rig; base class of all kinds of contact (`kinds.bind` selects one).
 
-    `values` are numbers by full parameter name, or arrays (n,) with one for each body.  `active` are the effects in the
-    order in which they act, each with the parameters of its hooks.  States are true ones unless they are `measured`.
-    `integrated`: whether single hits are integrated in time, so that the pose after them is predicted, too.
+    `values` are numbers by full parameter name, or arrays (n,) with one entry per body.  `active` are the effects in
+    the order in which they act, each with the parameters of its hooks.  States are true unless called `measured`.
+    `integrated`: whether single hits are integrated in time; the pose after them is then also predicted.
     """
 
     integrated = False
@@ -64,53 +64,53 @@ class Dynamics:
         self.active = [(effect, {p: values[name] for p, name in names.items()}) for effect, names in model.hooks]
 
     def select(self, rows: np.ndarray) -> Self:
-        """The dynamics of the bodies at `rows`."""
+        """Dynamics of the bodies at `rows`."""
         if not any(isinstance(value, np.ndarray) for value in self.values.values()):
             return self
         of_rows = {name: v[rows] if isinstance(v, np.ndarray) else v for name, v in self.values.items()}
         return type(self)(self.model, of_rows, self.rig)
 
     def tiled(self, copies: int, n: int) -> Self:
-        """The dynamics of n bodies, `copies` times one after the other."""
+        """Dynamics of n bodies, repeated `copies` times one after the other."""
         return self.select(np.tile(np.arange(n), copies))
 
     def on(self, rig: Rig) -> Self:
-        """The same on another rig."""
+        """The same dynamics on another rig."""
         return self._with(rig=rig)
 
     def with_active(self, active: Sequence[tuple[Effect, dict[str, Any]]]) -> Self:
-        """The same with these effects only."""
+        """The same dynamics with the given effects only."""
         return self._with(active=list(active))
 
     def _with(self, **changes: Any) -> Self:
-        """A copy with some attributes replaced; `copy.copy` took a twentieth of an episode."""
+        """A copy with some attributes replaced; `copy.copy` took a twentieth of the time of an episode."""
         other = object.__new__(type(self))
         other.__dict__.update(self.__dict__, **changes)
         other.__dict__.pop("flying", None)
         return other
 
     def press(self, true: State, left: np.ndarray | float = 0.0) -> tuple[State, np.ndarray]:
-        """States (n,) after all points in contact have pressed, from states at first touch, and the time (n,) in s.
+        """States (n,) after all contact points have separated, from states at first touch, and the time (n,) in s.
 
         A contact that lasts too long ends after the time `left` (n,) in s.
         """
         raise NotImplementedError
 
-    # the ladder -------------------------------------------------------------------------------------------------
+    # the steps --------------------------------------------------------------------------------------------------
     def to_true(self, measured: State) -> State:
-        """True state behind a measured one."""
+        """True state for a measured state."""
         for effect, p in reversed(self.active):
             measured = effect.to_true(measured, p, self.rig)
         return measured
 
     def to_measured(self, true: State) -> State:
-        """State that the camera reports for a true one."""
+        """State that the camera reports for a true state."""
         for effect, p in self.active:
             true = effect.to_measured(true, p, self.rig)
         return true
 
     def to_contact(self, true: State) -> State:
-        """State as the contact sees it."""
+        """State in the frame of the contact."""
         for effect, p in self.active:
             true = effect.to_contact(true, p, self.rig)
         return true
@@ -124,10 +124,10 @@ class Dynamics:
     def contact(
         self, true: State, offset: np.ndarray | None = None, turned: np.ndarray | None = None
     ) -> tuple[State, Contact]:
-        """State as the contact sees it, and the contact, per unit mass, of the true body.
+        """State in the frame of the contact, and contact, per unit mass, of the true body.
 
-        `offset` (d, n) in m is added to the contact point of the shape, `turned` (turns, n) in rad is how much further
-        the body has turned than in the pose.
+        `offset` (d, n) in m is added to the contact point of the shape; `turned` (turns, n) in rad is the turn of the
+        body in addition to the pose.
         """
         rig, pose = self.rig, true
         if turned is not None:
@@ -144,23 +144,23 @@ class Dynamics:
         return seen, at
 
     def measured_contact(self, measured: State, offset: np.ndarray | None = None) -> tuple[State, Contact]:
-        """As `contact`, from a measured state; `offset` by row (n, d) is that at the measured pose."""
+        """As `contact`, from a measured state; `offset` (n, d), one row per body, refers to the measured pose."""
         true = self.to_true(measured)
         return self.contact(true, self._true_offset(measured, true, offset))
 
     def approaches(self, true: State) -> np.ndarray:
-        """Mask (n,) of bodies whose contact point comes down, as the contact sees it: v_n < 0."""
+        """Mask (n,) of bodies whose contact point approaches the surface in the frame of the contact: v_n < 0."""
         return self.contact(true)[1].v_n < 0.0
 
     def coefficients(self, seen: State, at: Contact) -> tuple[np.ndarray, np.ndarray]:
-        """μ and ε (n,) of each impact, from what `contact` returns."""
+        """μ and ε (n,) of each impact, from the result of `contact`."""
         mu, epsilon = (np.full(len(seen), self.values[name]) for name in ("mu", "epsilon"))
         for effect, p in self.active:
             mu, epsilon = effect.coefficients(mu, epsilon, at, seen, p, self.rig)
         return mu, epsilon
 
     def contact_time(self, seen: State, at: Contact) -> np.ndarray:
-        """τ (n,) in s of each impact, from what `contact` returns."""
+        """τ (n,) in s of each impact, from the result of `contact`."""
         tau = np.full(len(seen), self.values["tau"])
         for effect, p in self.active:
             tau = effect.contact_time(tau, at, seen, p, self.rig)
@@ -171,13 +171,13 @@ class Dynamics:
         return self.strike(measured, offset)[0]
 
     def strike(self, measured: State, offset: np.ndarray | None = None) -> tuple[State, np.ndarray]:
-        """As `predict`, and the depth t̄ |v_n| (n,) in m of the contact point where the arcs meet."""
+        """Result of `predict`, and the depth t̄ |v_n| (n,) in m of the contact point where the arcs meet."""
         true = self.to_true(measured)
         after, depth = self.collide(true, self._true_offset(measured, true, offset))
         return self.to_measured(after), depth
 
     def collide(self, true: State, offset: np.ndarray | None = None) -> tuple[State, np.ndarray]:
-        """As `strike`, from the true state to the true state; `offset` as in `contact`."""
+        """As `strike`, for true states before and after; `offset` as in `contact`."""
         seen, at = self.contact(true, offset)
         after, depth = self._struck(seen, at), np.zeros(len(true))
         if self.model.takes_time:
@@ -189,24 +189,24 @@ class Dynamics:
         return self.from_contact(after), depth
 
     def delay(self, true: State) -> np.ndarray:
-        """t̄ (n,) in s of contacts that begin in these states; 0 if contacts take no time."""
+        """t̄ (n,) in s of contacts that begin in the given states; 0 if contacts are instantaneous."""
         if not self.model.takes_time:
             return np.zeros(len(true))
         seen, at = self.contact(true)
         return self._delay(seen, at, self._struck(seen, at))
 
     def _true_offset(self, measured: State, true: State, offset: np.ndarray | None) -> np.ndarray | None:
-        """The offset (d, n) at the true pose, of one by row (n, d); None if there is none."""
+        """Offset (d, n) at the true pose, from the offset (n, d) at the measured pose; None if there is none."""
         if offset is None or not offset.any():
             return None
         if not self.rig.space.is_plane:
             return offset.T
-        # a measured contact point belongs to the measured angle: mirroring the angle mirrors its offset
+        # the offset refers to the measured angle: mirroring the angle mirrors the offset
         further = self.to_true(measured.moved(theta=measured.theta + _H))
         return np.stack([offset[:, 0] * np.sign(further.theta - true.theta), offset[:, 1]])
 
     def _delay(self, seen: State, at: Contact, after: State) -> np.ndarray:
-        """t̄ (n,) in s of each impact, from what `contact` returns and the state after the impulse."""
+        """t̄ (n,) in s of each impact, from the result of `contact` and the state after the impulse."""
         tau, law = self.contact_time(seen, at), self.model.law
         push = after.velocity[-1] - seen.velocity[-1]
         rebound = after.space.velocity_at(after.velocity, after.spin, at.r)[-1]
@@ -216,7 +216,7 @@ class Dynamics:
         return tau / np.sqrt(b)
 
     def _struck(self, seen: State, at: Contact) -> State:
-        """State after the impulse as the contact sees it, from what `contact` returns."""
+        """State after the impulse in the frame of the contact, from the result of `contact`."""
         mu, epsilon = self.coefficients(seen, at)
         at = at.with_coefficients(mu, epsilon)
         with np.errstate(all="ignore"):
@@ -231,15 +231,15 @@ class Dynamics:
 
     # where bodies are at an impact ------------------------------------------------------------------------------
     def gap(self, true: State) -> np.ndarray:
-        """Gap (n,) in m between true body and surface: that of the believed shape less the effects' share."""
+        """Gap (n,) in m between true body and surface: gap of the believed shape minus the part due to effects."""
         taken = np.zeros(len(true))
         for effect, p in self.active:
             taken = effect.gap(taken, true, p, self.rig)
         return self.rig.gap(true) - taken
 
     def jump(self, before: State, after: State) -> np.ndarray:
-        """Measured pose after impact minus before (n, 3), in m, m, rad, from measured states."""
-        if not before.space.is_plane and self.model.acting("meet"):  # the true poses meet
+        """Predicted measured pose after impact minus before (n, 3), in m, m, rad, from measured states."""
+        if not before.space.is_plane and self.model.acting("meet"):  # the true pose is continuous
             true = self.to_true(after).with_pose(self.to_true(before).pose)
             return before.space.difference(self.to_measured(true).pose, before.pose).T
         jump = np.zeros(before.motion.shape)
@@ -257,13 +257,13 @@ class Dynamics:
         if self.model.camera_bends:
             near = [self.to_measured(true.flown(a, h)).v for h in (-_H_BENT, _H_BENT)]
             return (near[1] - near[0]) / (2.0 * _H_BENT)
-        # the camera's map is linear in the velocity, so that a difference quotient is exact
+        # the camera's map is linear in the velocity: a difference quotient is exact
         later = true.with_velocity(true.v + _H * a)
         return (self.to_measured(later).v - self.to_measured(true).v) / _H
 
     @cached_property
     def flying(self) -> Rig:
-        """The rig with the true inertia, by which bodies turn in flight."""
+        """Rig with the true inertia, with which bodies turn in flight."""
         if self.rig.tensor is None or not self.model.acting("inertia"):
             return self.rig
         G = self.rig.G
@@ -273,7 +273,7 @@ class Dynamics:
 
     @cached_property
     def turns_otherwise(self) -> bool:
-        """Whether a body is seen to turn otherwise than believed; with three equal moments all turn evenly."""
+        """Whether a body appears to turn differently than believed; with three equal moments all bodies turn evenly."""
         model = self.model
         if not model.turns_otherwise or (model.camera_bends and not model.spins_evenly):
             return model.turns_otherwise
@@ -289,10 +289,10 @@ class Dynamics:
         return a.T
 
     def course(self, true: State, half: np.ndarray) -> State:
-        """The states (n 12,) at the times `COURSE` · `half` (n,) in s around true ones in space, body by body.
+        """States (n 12,) at the times `COURSE` · `half` (n,) in s around true states in space, body by body.
 
-        What acts beside free turns is integrated along the path that the round before has, its turn δ in axes of the
-        body: δ' = Rᵀ δω.
+        Accelerations in addition to free rotation are integrated along the path of the previous iteration; the
+        additional turn δ obeys δ' = Rᵀ δω in body axes.
         """
         n, d, k = len(true), true.space.dimension, len(COURSE)
         rows = np.repeat(np.arange(n), k)
@@ -319,7 +319,7 @@ class Dynamics:
         return at
 
     def sliding(self, true: State, span: np.ndarray | float = 0.0) -> np.ndarray:
-        """Acceleration along the surface, (n,) in m/s², in space (2, n), of bodies that slide on it for `span` in s."""
+        """Acceleration along the surface, (n,) in m/s² ((2, n) in space), of bodies that slide for `span` in s."""
         seen, at = self.contact(true)
         mu, _ = self.coefficients(seen, at)
         for effect, p in self.active:
@@ -336,7 +336,7 @@ class Dynamics:
         return about_normal(edges, (self.model.law.force or NormalForce()).sliding(slip, limit, pull, span))
 
     def flown(self, true: State, h: np.ndarray) -> State:
-        """The states after times h (n,) in s of flight."""
+        """States after times h (n,) in s of flight."""
         if true.space.is_plane:
             return true.flown(self.middle_acceleration(true, h), h)
         if not self.model.has_varying_flight:
@@ -351,7 +351,7 @@ class Dynamics:
         return self.true_acceleration(true.flown(a, 0.5 * h)) if self.model.has_varying_flight else a
 
     def stepped(self, true: State, h: np.ndarray, steps: int) -> State:
-        """The states now and after 1, 2, ... `steps` flights of h (n,) in s, one set after the other, as `flown`."""
+        """States after 0, 1, 2, ... `steps` flights of h (n,) in s each, as in `flown`, one set after the other."""
         if not self.model.spins_evenly:
             path = [true]
             for _ in range(steps):
@@ -371,7 +371,7 @@ class Dynamics:
             turned = self.along(true, np.multiply.outer(each[1:] - 0.5, h))
             end = self.along(true, np.multiply.outer(each, h))
         a = self.tiled(steps, len(true)).true_acceleration(turned).T.reshape(-1, steps, len(true))
-        m = true.space.motions if true.space.is_plane else d  # turns in space are those of `along`
+        m = true.space.motions if true.space.is_plane else d  # in space `along` gives the turns
         motion = summed(true.motion[:m], h * a[:m])
         pose = summed(true.pose[:m], h * motion[:, :-1] + 0.5 * h * h * a[:m])
         t = true.tiled(steps + 1).t + np.multiply.outer(each, h).ravel()
@@ -381,19 +381,19 @@ class Dynamics:
         return State(pose, motion, end.trial, t, end.surface, end.space)
 
     def arc(self, tau: np.ndarray, true: State) -> np.ndarray | None:
-        """True flight paths (n, W, 3) less parabolas, at times τ (n, W) in s; None if no effect bends them."""
+        """Deviation (n, W, 3) of true flight paths from parabolas at times τ (n, W) in s; None without such effects."""
         parts = [part for effect, p in self.active if (part := effect.arc(tau, true, p, self.flying)) is not None]
         return np.moveaxis(sum(parts[1:], parts[0]), 0, -1) if parts else None
 
     def path(self, tau: np.ndarray, measured: State) -> np.ndarray:
-        """Poses (n, W, 3) that the camera reports at times τ (n, W) in s from `measured`, in m, m, rad.
+        """Poses (n, W, 3) that the camera reports at times τ (n, W) in s after `measured`, in m, m, rad.
 
-        The flight is true to third order in τ: its acceleration changes with the velocity.
+        The flight is accurate to third order in τ: the acceleration changes with the velocity.
         """
         true = self.to_true(measured)
         a = self._pull(true)
         beyond = self._beyond(tau, true, a)
-        n, W = tau.shape  # the states (W n,) are those of all bodies at their first time, then at their second, ...
+        n, W = tau.shape  # states (W n,): all bodies at their first time, then at their second, ...
         if a is None or not true.space.is_plane:
             at = self.along(true, tau.T, a)
         else:
@@ -404,7 +404,7 @@ class Dynamics:
         return np.ascontiguousarray(poses.reshape(len(poses), W, n).transpose(2, 1, 0))
 
     def later(self, tau: np.ndarray, measured: State) -> State:
-        """What the camera reports in space of measured states a time τ (n,) in s later, as `path` does of poses."""
+        """Measured states in space at times τ (n,) in s after the given measured states; compare `path` for poses."""
         true = self.to_true(measured)
         a = self._pull(true)
         at, beyond = self.along(true, tau[None], a), self._beyond(tau[:, None] + _AROUND, true, a)
@@ -414,12 +414,12 @@ class Dynamics:
         return self.to_measured(at)
 
     def _pull(self, true: State) -> np.ndarray | None:
-        """Acceleration (n, d + turns) of true states; None in space if it is gravity alone, which `along` knows."""
+        """Acceleration (n, d + turns) of true states; None in space if it is gravity alone, the default of `along`."""
         falls = not self.model.has_varying_flight and not true.space.is_plane
         return None if falls else self.true_acceleration(true)
 
     def _beyond(self, tau: np.ndarray, true: State, a: np.ndarray | None) -> np.ndarray | None:
-        """Paths (n, W, d + turns) of true states less those of a constant acceleration a, at times τ (n, W) in s."""
+        """Deviation (n, W, d + turns) of true paths from constant acceleration a, at times τ (n, W) in s."""
         beyond = self.arc(tau, true)
         if a is not None and self.model.has_varying_flight:
             early, late = (self.true_acceleration(true.with_velocity(true.v + h * a)) for h in (-_H_PATH, _H_PATH))
@@ -428,10 +428,10 @@ class Dynamics:
         return beyond
 
     def along(self, true: State, tau: np.ndarray, a: np.ndarray | None = None) -> State:
-        """The states in space at times τ (k, n) in s, first those of all n bodies at their first time, (k n,).
+        """States (k n,) in space at times τ (k, n) in s, ordered by time: all n bodies at their first time first.
 
-        The acceleration a (n, 6), that of gravity by default, is constant, but for the torque-free turning that it
-        holds.
+        The acceleration a (n, 6), by default gravity, is constant, except for the angular acceleration of torque-free
+        motion that it contains.
         """
         d, k = true.space.dimension, len(tau)
         turns, spins = attitudes(true.attitude, true.spin, np.asarray(self.flying.tensor), tau)

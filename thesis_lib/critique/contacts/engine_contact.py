@@ -1,11 +1,11 @@
-"""Contacts of a physics engine in the place of a law's: the engine's own, from the touch until the body is off.
+"""Contacts resolved by a physics engine instead of a law, from touch until the body is off the surface.
 
-An engine is a law whose contacts are resolved by the engine: camera, flight, episodes and likelihood stay as they are.
-Its parameters are those of the compliant law that stands near it (`STAND_INS`), so that both are fitted alike.
+An engine is treated as a law whose contacts the engine resolves: camera, flight, episodes and likelihood are unchanged.
+Its parameters are those of the compliant law that approximates it (`STAND_INS`); both are therefore fitted alike.
 
-Effects of body and rig that act outside the contact force become causes of the engine (`CAUSE_OF`); a surface that
-moves along itself is a change of frame; (μ, ε) that depend on place or angle are given to MuJoCo body by body.  No
-engine has the others (`lacks`).
+Effects of body and rig that act outside the contact force become causes in the engine (`CAUSE_OF`); a surface that
+moves along itself is a change of frame; (μ, ε) that depend on place or angle are passed to MuJoCo for each body.  No
+engine supports other effects (`lacks`).
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -28,21 +28,21 @@ from thesis_lib.mechanics.space import PLANE, Space
 from thesis_lib.mechanics.state import State
 from thesis_lib.simulate.rig.hidden_causes import CAUSES, CompliantContact, HiddenCauses
 
-MASS = 1.0  # kg: planar drops do not show the mass, and contacts are given per mass
-SHORTEST = 2e-5  # s; an engine's shortest contact
-INSTANT = 1e-4  # s, for what is measured at instants: a body hardly moves meanwhile
+MASS = 1.0  # kg: arbitrary, because planar drops do not reveal the mass and contacts are given per mass
+SHORTEST = 2e-5  # s; shortest contact of an engine
+INSTANT = 1e-4  # s, for impacts measured as instants: a body hardly moves during this time
 LONGEST = 0.1  # s
-LATE = 5e-3  # s; what a contact that takes longer leaves is compared as if it came then: the arc after it is measured
-STAND_INS = {  # engine: the compliant law near it, and its title
+LATE = 5e-3  # s; longer contacts are compared as if they ended then: the arc after them is observed
+STAND_INS = {  # engine: the compliant law that approximates it, and its title
     "mujoco": ("convex_contact", "MuJoCo"),
     "drake": ("hunt_crossley_contact", "Drake, point contact"),
     "drake_hydroelastic": ("pressure_field_contact", "Drake, hydroelastic"),
     "bullet": ("damped_contact", "Bullet"),
 }
-DEFAULT = ":default"  # behind an engine's name: with the contact that it gives to who asks for none
+DEFAULT = ":default"  # suffix of an engine's name: with the engine's default contact
 IN_SPACE = ("mujoco", "drake")
-WITH_DEFAULT = ("mujoco", "drake", "bullet")  # Drake's hydroelastic bodies have none: one states a modulus
-# MuJoCo's contact, with the impedance of a deep one, and Drake's of geometries that state no property
+WITH_DEFAULT = ("mujoco", "drake", "bullet")  # hydroelastic bodies in Drake have no default: they require a modulus
+# MuJoCo's default contact, with the impedance at large depth, and Drake's for geometries without properties
 MUJOCO_DEFAULT = MujocoNumbers((0.02, 1.0), (0.9, 0.95, 1e-3, 0.5, 2.0), friction=1.0, impratio=1.0)
 DRAKE_DEFAULT = DrakeNumbers(stiffness=1e6, dissipation=50.0, friction=0.5)
 BULLET_DEFAULT = (0.5 * 0.5, 0.0, 1.0 / 240.0)  # μ of two bodies, ε, and the time step in s that a rigid contact takes
@@ -52,7 +52,7 @@ _OF_FORCE = ("to_contact", "from_contact", "contact_point", "inertia", "impulse"
 
 
 def engine_law(name: str) -> Law:
-    """The engine as a law, "mujoco:default" with its default contact; KeyError for another name."""
+    """Law for the engine `name`; "mujoco:default" is MuJoCo with its default contact.  KeyError for unknown names."""
     engine, default = name.removesuffix(DEFAULT), name.endswith(DEFAULT)
     base, title = STAND_INS[engine]
     title += " at its defaults" * default
@@ -60,9 +60,9 @@ def engine_law(name: str) -> Law:
 
 
 def default_values(engine: str, mass: float) -> dict[str, float]:
-    """The default contact of one of `WITH_DEFAULT` as values of its law; in Drake by `mass` in kg."""
+    """Default contact of an engine of `WITH_DEFAULT` as values of its law; for Drake it depends on `mass` in kg."""
     force = engine_law(engine).force
-    assert force is not None  # the stand-in's
+    assert force is not None  # every law in `STAND_INS` has one
     if engine == "mujoco":
         mu, epsilon, lasting = of_mujoco(MUJOCO_DEFAULT)
         ratio = {DAMPING_RATIO.name: MUJOCO_DEFAULT.impratio, IMPEDANCE.name: MUJOCO_DEFAULT.solimp[1]}
@@ -77,7 +77,7 @@ def default_values(engine: str, mass: float) -> dict[str, float]:
 
 
 def lacks(engine: str, effects: Sequence[Effect], space: Space = PLANE) -> list[str]:
-    """Names of the effects that an engine cannot have."""
+    """Names of the effects that an engine does not support."""
     if not space.is_plane:
         force = BASES[STAND_INS[engine][0]]
         changed = Model(force, tuple(effects), True, space=space).acting("impulse")
@@ -97,8 +97,8 @@ def lacks(engine: str, effects: Sequence[Effect], space: Space = PLANE) -> list[
 def press_in_engine(dynamics: Dynamics, true: State) -> tuple[State, np.ndarray]:
     """True states (n,) when the bodies are off the surface, from true states at first touch, and the time (n,) in s.
 
-    Bodies with equal values share an engine.  A contact that lasts longer than the engine lets it ends there; times are
-    at most `LATE`.
+    Bodies with equal values share an engine.  Contacts end at the time limit of the engine at the latest; returned
+    times are at most `LATE`.
     """
     rig, law = dynamics.rig, dynamics.model.law
     frame = dynamics.with_active([(effect, p) for effect, p in dynamics.active if effect.name == FRAME])
@@ -121,7 +121,7 @@ def press_in_engine(dynamics: Dynamics, true: State) -> tuple[State, np.ndarray]
 def _groups(
     law: Law, values: Mapping[str, float], mu: np.ndarray, epsilon: np.ndarray
 ) -> Iterator[tuple[np.ndarray, tuple[float, float, float, dict]]]:
-    """Rows of bodies that share an engine, and its settings: contact time in s, impratio, impedance, causes."""
+    """Yield rows of bodies that share an engine, and its settings: contact time in s, impratio, impedance, causes."""
     n = len(mu)
     assert law.force is not None
     names = [name for name in CAUSE_OF if name in values]
@@ -168,7 +168,7 @@ def _engine(
         spring = Spring(MASS * (duration(d * SPEED, 1.0) / T) ** 2, d)
         contact = CompliantContact.model_construct(mu=float(mu[0]), epsilon=least, contact_time=T)
         return DrakeEngine(body, n, contact=contact, causes=causes, gravity=rig.gravity, spring=spring)
-    # the law's ε and time are those at 1 m/s
+    # ε and contact time of the law refer to 1 m/s
     friction, e, lasting = of_drake(
         drake_numbers(float(mu[0]), max(float(epsilon[0]), least), T, mass=MASS, speed=SPEED), MASS
     )
@@ -178,7 +178,7 @@ def _engine(
 
 
 def _set_down(engine: Press, q: np.ndarray) -> np.ndarray:
-    """The poses (n, 3) that the engine starts from: each body where it touches."""
+    """Initial poses (n, 3) in the engine: each body moved along the normal until it touches."""
     mechanics = engine.mechanics
     centre, _ = mechanics.centre_state(q, np.zeros_like(q))
     gap = mechanics.gap(np.column_stack([centre, q[:, 2]]), np.zeros(len(q)), np.arange(len(q)))

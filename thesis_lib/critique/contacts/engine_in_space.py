@@ -1,7 +1,7 @@
-"""Contacts of bodies in space that a physics engine resolves: what `pressing` would integrate, handed to the engine.
+"""Contacts in space resolved by a physics engine instead of the integration in `pressing`.
 
-Contact points, inertia, coefficients and all that acts in flight are those of the model with its effects, body by body.
-So an engine has every effect but those that change the impulse or the force itself.
+Contact points, inertia, coefficients and accelerations in flight are those of the model with its effects, for each body
+separately.  An engine therefore supports every effect except those that change the impulse or the force itself.
 """
 
 import numpy as np
@@ -16,17 +16,17 @@ from thesis_lib.engines.in_space import PressInSpace, TouchPoints, pressed
 from thesis_lib.engines.parameters import drake_numbers
 from thesis_lib.mechanics.space import SPACE
 
-OVER = 8.0  # contact times; a body that is still on the surface then stays there
-LEAST = 1e-3  # of ε
-ALIKE = 9  # decimals
+OVER = 8.0  # contact times; a body that is still on the surface after them stays there
+LEAST = 1e-3  # least ε
+ALIKE = 9  # decimals in which bodies must agree to share an engine
 
 
 def in_engine(touching: Touching) -> Pressed:
-    """The motion of bodies in space in the engine of the model's law, from first touch until they are off."""
+    """Motion of bodies in space in the engine of the model's law, from first contact until they leave the surface."""
     dynamics, frame, at = touching.dynamics, touching.frame, touching.at
     engine = dynamics.model.law.engine
     n, outline, force = len(frame), touching.shape.minkowski, dynamics.model.law.force
-    assert force is not None  # the stand-in's
+    assert force is not None  # every law in `STAND_INS` has one
     gap, mu, loss, length = touching.points
     (G, _, couple), tiled = touching.turning, frame.tiled(len(gap))
     down = SPACE.turned_back(tiled.attitude, -np.repeat(UP, len(tiled), axis=1))
@@ -45,7 +45,7 @@ def in_engine(touching: Touching) -> Pressed:
     friction = np.stack([np.broadcast_to(value, n) for value in values])
     push = np.concatenate([touching.falling[:, :3].T, couple])
     alike = np.concatenate([inertia.reshape(9, n) / np.trace(inertia).mean(), friction])
-    if not engine.startswith("mujoco"):  # which alone has coefficients and points for each body
+    if not engine.startswith("mujoco"):  # only MuJoCo has coefficients and points for each body
         alike = np.concatenate([alike, coefficients, centres.reshape(-1, n)])
     _, group = np.unique(np.round(alike, ALIKE), axis=1, return_inverse=True)
     for k in range(group.max(initial=-1) + 1):
@@ -57,7 +57,7 @@ def in_engine(touching: Touching) -> Pressed:
         after, elapsed[rows] = pressed(made, frame.select(rows), OVER * coefficients[2, rows])
         shift[rows] = SPACE.difference(after.pose, frame.pose[:, rows]).T
         motion[rows] = after.v
-    elapsed = np.minimum(elapsed, LATE)  # the arc after a longer contact is measured
+    elapsed = np.minimum(elapsed, LATE)  # the arc after a longer contact is observed
     return Pressed(shift, motion, elapsed, np.zeros((3, len(gap), n)))
 
 
@@ -69,7 +69,7 @@ def _engine(
     coefficients: np.ndarray,
     friction: np.ndarray,
 ) -> PressInSpace:
-    """The engine with bodies that share `friction`, (impratio, impedance); arrays as in `engines/in_space.py`."""
+    """Engine with bodies that share `friction` (impratio, impedance); arrays as in `engines/in_space.py`."""
     at_default = name.endswith(DEFAULT)
     if name.startswith("mujoco"):
         from thesis_lib.engines.mujoco_in_space import AT_DEFAULT, MujocoInSpace, MujocoSurface
@@ -80,6 +80,6 @@ def _engine(
     from thesis_lib.engines.drake_in_space import DrakeInSpace
 
     mu, epsilon, lasting = coefficients[:, 0].tolist()
-    # the law's ε and time are those at 1 m/s
+    # ε and contact time of the law refer to 1 m/s
     numbers = drake_numbers(mu, epsilon, lasting, mass=1.0, speed=SPEED)
     return DrakeInSpace(points, inertia, push, lasting, numbers)

@@ -1,15 +1,15 @@
-"""Episodes: all that happens between two measurable flights.
+"""Simulation of episodes: sequences of hits between two observable flights.
 
-A body that lands on a corner often lands on the next one before the camera has seen it fly.  The state after such an
-episode follows from the state before it: the law is applied as often as the body touches, with flight between.
+A body that lands on a corner often lands on the next corner before the camera has observed a flight.  The state after
+such an episode is predicted from the state before it: the law is applied at each touch, with flights in between.
 
-A contact point touches where its gap φ_n is 0 while it comes down.  The arcs before and after the hit meet at the
-centroid of its impulse, t̄ later (`model`).
+A contact point touches when its gap φ_n becomes 0 as it approaches.  The arcs before and after the hit meet at the
+centroid of its impulse, t̄ later (`contact_time`).
 
-A hit that begins before the one before it is over presses two corners at once.  No sequence of impacts describes that;
-the motion is then integrated from the touch of the first with springs at all corners (`pressing`).
+If a hit begins before the previous contact has ended, two corners press at the same time.  This is not a sequence of
+impacts; the motion is then integrated from the first touch with springs at all corners (`pressing`).
 
-How contacts are pressed, and whether all of them are, says their kind (`kinds`).
+The kind of contact (`kinds`) determines how contacts are integrated, and whether all of them are.
 """
 
 import numpy as np
@@ -20,33 +20,33 @@ from thesis_lib.critique.contacts.pressing import all_points, contact_points, on
 from thesis_lib.effects.effect import Rig
 from thesis_lib.mechanics.state import State
 
-MOST_HITS = 12  # a body that hits more often has come to rest
-FASTEST = 5e3  # m/s and rad/s; flights of such bodies cannot be followed
-LEAD, MOST_BACK = 2e-3, 8  # s, and times that a body may fly back by it
+MOST_HITS = 12  # a body with more hits has come to rest
+FASTEST = 5e3  # m/s and rad/s; faster flights cannot be integrated
+LEAD, MOST_BACK = 2e-3, 8  # time in s by which a body is flown back, and how often at most
 LATEST = 8e-3  # s
 LONGEST = 2e-2  # s; longer contacts do not count as hits
-STEP = 1e-3  # s; a corner 0.05 m from the centre that turns with 60 rad/s is off a straight line by 0.02 mm
-ON = 1e-9  # m; a point that is nearer lies on the surface
-SLOWEST, LATER = 1e-6, 0.125  # m/s at which a point comes down that touches; if it does not yet, so many steps later
-NEWTON = 3  # steps to the instant of a touch within a step: the gap to 1 nm
-LARGEST = 400_000  # contact points of paths that share a number of steps
-AHEAD, IN_CACHE = 16, 16_000  # steps, and contact points, that are looked at in one go
-AT_FIRST = 4  # steps that are looked at first: a body was flown back by `LEAD` from about its first touch
+STEP = 1e-3  # s; a corner 0.05 m from the centre that turns at 60 rad/s deviates from a line by 0.02 mm
+ON = 1e-9  # m; a nearer point lies on the surface
+SLOWEST, LATER = 1e-6, 0.125  # least approach speed at a touch, m/s; below it, advance by this fraction of a step
+NEWTON = 3  # Newton steps to the instant of a touch: the gap is then below 1 nm
+LARGEST = 400_000  # greatest number of contact points of paths that are advanced together
+AHEAD, IN_CACHE = 16, 16_000  # steps, and contact points, that are evaluated at once
+AT_FIRST = 4  # steps that are evaluated first: a body starts `LEAD` before its approximate first touch
 _NOW = 1e-9  # s
 
 
 def contact(dynamics: Dynamics, touch: State) -> State:
-    """True states (n,) at the end of a contact that takes time, from true states of bodies that touch.
+    """True states (n,) at the end of a contact of finite duration, from true states of bodies at touch.
 
-    A body is set down where it touches, flies to the centroid of the impulse, is struck, and flies until the contact is
-    over and it is back at the surface, at most `LONGEST` later.  Corners that hit before belong to the contact.  Bodies
-    that do not come down stay as they are.
+    A body is placed on the surface, flies to the centroid of the impulse, receives the impulse, and flies until the
+    contact has ended and the body is back at the surface, at most `LONGEST` later.  Corners that hit earlier are part
+    of the contact.  Bodies that do not approach the surface are unchanged.
     """
     place = np.array(touch.position)
     place[-1] -= dynamics.gap(touch)
     down = touch.changed(position=place)
     span = np.clip(duration(1.0, dynamics.values["epsilon"]) * dynamics.delay(down), 10.0 * _NOW, LONGEST)
-    for _ in range(2):  # another corner may hit before the body is back at the surface
+    for _ in range(2):  # another corner may hit before the body returns to the surface
         played = Played(dynamics, down, span, touches=True)
         end = played.after
         left = np.maximum(np.where(played.hits > 0, played.over, 0.0) - span, 0.0)
@@ -59,17 +59,17 @@ def contact(dynamics: Dynamics, touch: State) -> State:
 
 
 class Played:
-    """True states (n,) near the first touch, flown for `span` (n,) in s with all hits, at most `most`.
+    """Simulation of true states (n,) near the first touch over `span` (n,) in s, with at most `most` hits.
 
-    The states belong to the flight before the first hit, continued below the surface where it must: each body first
-    flies back by `LEAD`, and until nothing that comes down is deep, unless it `touches` where it starts.  With `most` =
-    1 the hit may come up to `LATEST` after `span`; the arc after it is then followed back.
+    The initial states belong to the flight before the first hit, continued below the surface if necessary: each body
+    first flies back by `LEAD`, repeatedly until no approaching point is below the surface, unless it `touches` at the
+    start.  With `most` = 1 the hit may occur up to `LATEST` after `span`; the arc after it is then followed back.
 
     Attributes:
-        t, motion: clock (n,) of each body in s, and its true pose and velocity (n, ·).
+        t, motion: (n,) time of each body in s, and its true pose and velocity (n, ·).
         hits: (n,) number of hits.
-        pressed, rests: (n,) masks of those that cannot be impacts: two corners pressed at once; the body has come to
-            rest, or touches at the end.
+        pressed, rests: (n,) masks of bodies whose contacts are not impacts: two corners pressed at the same time; the
+            body has come to rest, or is in contact at the end.
     """
 
     def __init__(
@@ -78,10 +78,10 @@ class Played:
         self.dynamics, self.start, self.most = dynamics, true, most
         self.span = span + LATEST if most == 1 else span
         self.points, n = contact_points(dynamics.rig), len(span)
-        self.rigs: dict[int, Rig] = {}  # with all points, by the number of bodies
+        self.rigs: dict[int, Rig] = {}  # rigs with all contact points, by the number of bodies
         self.motion, self.t = np.concatenate([true.q, true.v], axis=1), np.zeros(n)
         self.hits, self.pressed = np.zeros(n, int), np.zeros(n, bool)
-        # of the last hit: its contact point, motion and time at its touch, and the time at which it is over
+        # last hit: contact point, motion and time at touch, and the time at which the contact ends
         self.last = np.full(n, -1)
         self.touch, self.touch_t, self.over = self.motion.copy(), np.zeros(n), np.full(n, -np.inf)
         if not touches:
@@ -98,7 +98,7 @@ class Played:
             self.t[off] = span[off]
 
     def _rewind(self) -> None:
-        """Fly back to where no contact point that comes down has reached the surface."""
+        """Fly back until no approaching contact point has reached the surface."""
         rows = np.arange(len(self.t))
         for _ in range(MOST_BACK):
             self._set(rows, self.dynamics.select(rows).flown(self._state(rows), np.full(len(rows), -LEAD)))
@@ -109,14 +109,14 @@ class Played:
 
     @property
     def after(self) -> State:
-        """The true states at the end."""
+        """True states at the end."""
         return self._state(np.arange(len(self.t)))
 
     def _state(self, rows: np.ndarray) -> State:
         return self._of(self.motion[rows], self.t[rows], rows)
 
     def _of(self, motion: np.ndarray, t: np.ndarray, rows: np.ndarray) -> State:
-        """The states of the bodies `rows` with poses and velocities `motion` at times t of their clocks."""
+        """States of the bodies `rows` with poses and velocities `motion` at their times t in s."""
         start, poses = self.start, self.start.space.poses
         t = start.t[rows] + t
         return State.of(motion[:, :poses], motion[:, poses:], start.trial[rows], t, self._surface(rows), start.space)
@@ -126,14 +126,14 @@ class Played:
 
     def _set(self, rows: np.ndarray, state: State) -> None:
         poses, v = state.space.poses, state.v
-        # with an inertia that a fit tries, say, an impulse may spin a body up without end: it stops
+        # for trial values of an inertia, for example, an impulse may give an extreme spin: stop the body
         possible = (np.abs(v) < FASTEST).all(axis=1, keepdims=True)
         self.motion[rows, :poses], self.motion[rows, poses:] = state.q, np.where(possible, v, 0.0)
 
     def _advance(self, rows: np.ndarray) -> None:
-        """Fly the bodies `rows` to the end, or to the next hit, which is resolved.
+        """Fly the bodies `rows` to the end, or through the next hit.
 
-        Each is looked at in steps from where it is, whatever is played beside it.
+        The steps of each body start at its own state, independently of the other bodies in the batch.
         """
         dynamics, end = self.dynamics.select(rows), self.span[rows]
         left = end - self.t[rows]
@@ -157,9 +157,9 @@ class Played:
     def _fly(self, rows: np.ndarray, h: np.ndarray, steps: np.ndarray) -> tuple[np.ndarray, np.ndarray, State]:
         """Fly the bodies `rows` by fewer than `steps` (n,) of h (n,) in s, or until they land.
 
-        Returns which of them land (n,), after how many steps (n,) they do or end within the next, and their states
-        then.  A few steps are looked at in one go, because most bodies land early, and because what fits the
-        processor's cache is faster.
+        Returns which of them land (n,), the number of steps (n,) before the one in which they land or end, and their
+        states then.  A few steps are evaluated at once, because most bodies land early and small arrays fit the
+        processor's cache.
         """
         at, state, done, first = np.arange(len(rows)), self._state(rows), 0, True
         origin, found, after, starts, landed = state, [], [], [], np.zeros(len(rows), bool)
@@ -187,9 +187,9 @@ class Played:
         return landed, np.concatenate(after)[order], State.joined(starts).select(order)
 
     def _path(self, origin: State, state: State, h: np.ndarray, done: int, ahead: int, rows: np.ndarray) -> State:
-        """The states (n,) after `done`, `done` + 1, ... `done` + `ahead` steps of h (n,) in s, ((ahead + 1) n,).
+        """States ((ahead + 1) n,) after `done`, `done` + 1, ... `done` + `ahead` steps of h (n,) in s.
 
-        They are in `origin` after no step and in `state` after `done`.
+        `origin` (n,) are the states before the first step, `state` (n,) the states after `done` steps.
         """
         dynamics = self.dynamics.select(rows)
         if dynamics.model.has_varying_flight:
@@ -201,14 +201,14 @@ class Played:
         return path.flown(dynamics.rig.fall(path).T, times.ravel())
 
     def _instant(self, start: State, a: np.ndarray, h: np.ndarray, rows: np.ndarray) -> np.ndarray:
-        """Times (n,) in s after `start` at which the first point touches; after `h` it has.
+        """Times (n,) in s after `start` at which the first point touches, at most `h`.
 
-        A point that is below the surface before, and rises there, touches when it comes down.
+        A point that starts below the surface and rises touches when it next comes down.
         """
         (before, rate), (after, last) = self._gaps(start, rows), self._gaps(start.flown(a, h), rows)
         each, bend = np.arange(len(h)), (after - before - rate * h) / (h * h)
         before, above = np.where(np.abs(before) < ON, 0.0, before), before > -ON
-        # where the parabola through both comes down through the surface
+        # when the parabola through both crosses the surface downwards
         root = np.sqrt(np.maximum(rate * rate - 4.0 * bend * before, 0.0))
         late = np.divide(root + rate, -2.0 * bend, out=np.array(np.broadcast_to(h, rate.shape)), where=bend < 0.0)
         when = np.divide(2.0 * before, root - rate, out=late, where=rate < 0.0)
@@ -228,19 +228,19 @@ class Played:
     def rise(self, state: State) -> tuple[np.ndarray, np.ndarray]:
         """Acceleration (n, 3) in m/s², m/s², rad/s² and time (n,) in s until the body leaves the surface.
 
-        0 s for bodies that are, and for those that do not come out within `LONGEST`.
+        The time is 0 s for bodies that have left it, and for bodies that do not leave it within `LONGEST`.
         """
         rows, a = np.arange(len(state)), self.dynamics.true_acceleration(state)
         h = np.zeros(len(state))
         for _ in range(NEWTON):
             gap, v_n = self._gaps(state.flown(a, h), rows)
-            point = np.where(v_n > 0.0, gap, np.inf).argmin(axis=0)  # of those that rise
+            point = np.where(v_n > 0.0, gap, np.inf).argmin(axis=0)  # the lowest of the rising points
             gap, v_n = gap[point, rows], v_n[point, rows]
             h = np.maximum(h - np.divide(gap, v_n, out=np.zeros_like(h), where=v_n > 0.0), 0.0)
         return a, np.where((h < LONGEST) & (v_n > 0.0), h, 0.0)
 
     def _lands(self, state: State, rows: np.ndarray) -> np.ndarray:
-        """Mask (n,) of the bodies `rows` of which a point has reached the surface in states (n,) and comes down."""
+        """Mask (n,) of the bodies `rows` with a point that has reached the surface in states (n,) and approaches it."""
         dynamics, rig, lands = self.dynamics, self.dynamics.rig, np.zeros(len(rows), bool)
         if self.points == 1:
             gap = dynamics.select(rows).gap(state)[None]
@@ -265,7 +265,7 @@ class Played:
         return gap.reshape(self.points, -1), v_n.reshape(self.points, -1)
 
     def _of_points(self, state: State, rows: np.ndarray) -> tuple[Dynamics, State]:
-        """Dynamics and states (p n,) of the bodies `rows`, with their first contact points, then the second, ..."""
+        """Dynamics and states (p n,) of the bodies `rows` with their first contact point, then the second, ..."""
         n, p = len(state), self.points
         every = self.dynamics.select(rows if p == 1 else np.tile(rows, p))
         if n not in self.rigs:
@@ -273,13 +273,13 @@ class Played:
         return every.on(self.rigs[n]), state if p == 1 else state.tiled(p)
 
     def _hit(self, rows: np.ndarray) -> None:
-        """Resolve the hits of the bodies `rows`, which touch now."""
+        """Resolve the hits of the bodies `rows`, which touch at this instant."""
         point, now = _first(*self._gaps(self._state(rows), rows)), self.t[rows]
         self.hits[rows] += 1
         if self.dynamics.integrated:
             self.touch[rows], self.touch_t[rows] = self.motion[rows], now
             return self._press(rows)
-        # a corner may touch at the very instant at which another one is free
+        # a corner may touch at the very instant at which another separates
         again = (now < self.over[rows] - _NOW) & (point != self.last[rows])
         if again.any():
             self._press(rows[again])
@@ -301,7 +301,7 @@ class Played:
         self.pressed[rows] = True
         t = self.touch_t[rows]
         touch = self._of(self.touch[rows], t, rows)
-        # where a contact ends after the next arc has begun, that arc is followed back to its end
+        # if a contact ends after the next arc has begun, that arc is followed back to the end of the span
         left = 0.0 if self.most == 1 else self.span[rows] - t
         after, elapsed = self.dynamics.select(rows).press(touch, left)
         self._set(rows, after)
@@ -309,5 +309,5 @@ class Played:
 
 
 def _first(gap: np.ndarray, v_n: np.ndarray) -> np.ndarray:
-    """Index (n,) of the point that touches: the lowest of those that come down."""
+    """Index (n,) of the point that touches: the lowest approaching point."""
     return np.where(v_n < 0.0, gap, np.inf).argmin(axis=0)

@@ -1,13 +1,13 @@
-"""Kinds of contact: how a model gets from the measured states before contacts to those after them.
+"""Kinds of contact: how a model predicts the measured states after contacts from the measured states before.
 
-| kind            | of a law                                    | a single hit                                        |
-|-----------------|---------------------------------------------|-----------------------------------------------------|
-| `ByImpulse`     | any                                         | its impulse where the arcs meet; the pose stays     |
-| `Integrated`    | with a force, where contacts take time      | its force, or its engine, from touch until it is off |
-| `EngineInstant` | that is an engine, where they take none     | the engine's of impacts as stated, else `ByImpulse` |
+| kind            | for                                           | single hit                                        |
+|-----------------|-----------------------------------------------|---------------------------------------------------|
+| `ByImpulse`     | any law                                       | impulse where the arcs meet; the pose is kept     |
+| `Integrated`    | laws with a force, contacts of finite duration | force or engine, from touch until the body is off |
+| `EngineInstant` | engines, instantaneous contacts               | engine for impacts as stated, else `ByImpulse`    |
 
-What is not one hit is played (`episodes`): the hits of an episode in turn, with flight between; corners that press at
-once are integrated with springs, or by the engine.  Where a contact is integrated, single hits are played as well.
+An episode of several hits is simulated hit by hit, with flights in between (`episodes`); corners that press at the same
+time are integrated with springs, or by the engine.  If contacts are integrated, single hits are simulated as well.
 """
 
 from collections.abc import Callable, Iterator, Mapping
@@ -27,9 +27,9 @@ from thesis_lib.critique.contacts.pressing import press
 from thesis_lib.effects.effect import Parameter, Rig
 from thesis_lib.mechanics.state import State
 
-BRIEF = 2e-5  # s: least τ at which fits of integrated contacts start; below `SHORTEST` there is no slope along τ
-STRUCK = 1e-9  # m/s or rad/s: rounding changes velocities by less
-FAR = 3.0  # scales from the null; no fit of an integrated contact comes back from there, that of an impulse law does
+BRIEF = 2e-5  # s: least initial τ in fits of integrated contacts; below `SHORTEST` the derivative by τ vanishes
+STRUCK = 1e-9  # m/s or rad/s: larger than rounding errors of velocities
+FAR = 3.0  # scales from the null; only fits of impulse laws return from farther starts, not of integrated contacts
 
 
 @dataclass(frozen=True)
@@ -38,9 +38,9 @@ class Prediction:
 
     Attributes:
         v: (n, 3) velocity after, m/s and rad/s.
-        touch: (n,) gap in m that is left where the arcs meet, or where an integrated contact does not begin; NaN where
-            a contact was integrated and `q` says where the body is; None of impacts as stated.
-        q: (n, 3) poses after, m and rad, NaN where they are those before; None if all are.
+        touch: (n,) gap in m where the arcs meet, or where an integrated contact fails to begin; NaN if a contact was
+            integrated, because `q` then gives the pose; None for impacts as stated.
+        q: (n, 3) poses after, m and rad; NaN where the pose is unchanged; None if all are unchanged.
     """
 
     v: np.ndarray
@@ -48,13 +48,13 @@ class Prediction:
     q: np.ndarray | None = None
 
     def each(self, change: Callable[[np.ndarray], np.ndarray]) -> "Prediction":
-        """The prediction with each of its arrays changed."""
+        """Prediction with `change` applied to each array."""
         touch, q = (array if array is None else change(array) for array in (self.touch, self.q))
         return Prediction(change(self.v), touch, q)
 
 
 class ByImpulse(Dynamics):
-    """Single hits by the law's impulse; the base of all kinds."""
+    """Dynamics with single hits resolved by the law's impulse; base class of all kinds."""
 
     def press(self, true: State, left: np.ndarray | float = 0.0) -> tuple[State, np.ndarray]:
         in_an_engine = bool(self.model.law.engine)
@@ -63,11 +63,11 @@ class ByImpulse(Dynamics):
         return press(self, true, left, in_engine if in_an_engine else None)
 
     def stated(self, before: State, offset: np.ndarray) -> Prediction:
-        """Of impacts that are stated with the velocities before and after, at one pose; `offset` as in `predict`."""
+        """Predict impacts that are given by velocities before and after, at one pose; `offset` as in `predict`."""
         return Prediction(self.predict(before, offset).v)
 
     def between_flights(self, before: State, span: np.ndarray, offset: np.ndarray) -> Prediction:
-        """Of what flights before and after show; `span` (n,) in s as in `Observations`, 0 of a single hit."""
+        """Predict impacts between observed flights; `span` (n,) in s as in `Observations`, 0 for a single hit."""
         n, rows = len(before), np.flatnonzero(span == 0.0)
         v, touch, q = np.empty((n, before.space.motions)), np.zeros(n), None
         if not self.integrated:
@@ -77,77 +77,77 @@ class ByImpulse(Dynamics):
         for played, ends in self.played(before, span):
             q = np.full((n, before.space.poses), np.nan) if q is None else q
             v[played], q[played] = ends.v, ends.q
-        if self.integrated:  # a body that meets nothing is where it was before: its gap is all that is left to compare
+        if self.integrated:  # a body without contact has not moved: only its gap can be compared
             single = before.select(rows)
             struck = (np.abs(v[rows] - single.v) > STRUCK).any(axis=1)
             touch[rows] = np.where(struck, np.nan, self.select(rows).gap(self.select(rows).to_true(single)))
         return Prediction(v, touch, q)
 
     def played(self, before: State, span: np.ndarray) -> Iterator[tuple[np.ndarray, State]]:
-        """Rows of what is played, and their measured states at the end."""
+        """Yield rows that are simulated hit by hit, and their measured states at the end."""
         for single in (True, False) if self.integrated else (False,):
             rows = np.flatnonzero((span == 0.0) == single)
             if len(rows):
                 yield rows, self.select(rows).end(before.select(rows), span[rows], single)
 
     def end(self, before: State, span: np.ndarray, single: bool = False) -> State:
-        """Measured states (n,) `span` (n,) in s after measured states at the first touch; `single`: of one hit."""
+        """Measured states (n,) `span` (n,) in s after measured states at the first touch; `single`: after one hit."""
         return self.to_measured(Played(self, self.to_true(before), span, 1 if single else MOST_HITS).after)
 
     def off(self, touch: State) -> State:
-        """True states at the end of contacts that take time, from true states at their touch (`episodes.contact`)."""
+        """True states at the end of contacts of finite duration, from true states at touch (`episodes.contact`)."""
         return contact(self, touch)
 
 
 class Integrated(ByImpulse):
-    """Contacts integrated under the law's force, or as a physics engine has them."""
+    """Contacts integrated under the law's force, or by a physics engine."""
 
     integrated = True
 
 
 class EngineInstant(ByImpulse):
-    """An engine where contacts are taken as instants."""
+    """Contacts resolved by a physics engine, treated as instantaneous."""
 
     def stated(self, before: State, offset: np.ndarray) -> Prediction:
         return Prediction(self.to_measured(self.press(self.to_true(before))[0]).v)
 
 
 def kind_of(model: Model) -> type[ByImpulse]:
-    """The kind of the model's contacts."""
+    """Class of dynamics for the contacts of the model."""
     if model.is_compliant:
         return Integrated
     return EngineInstant if model.law.engine else ByImpulse
 
 
 def bind(model: Model, values: Mapping[str, Any], rig: Rig) -> ByImpulse:
-    """Dynamics of the model at these values, numbers or arrays (n,) with one for each body, by its kind of contact."""
+    """Dynamics of the model, of its kind of contact, at the given values: numbers, or arrays (n,) with one per body."""
     return kind_of(model)(model, values, rig)
 
 
-# how a fit of an integrated contact starts and ends: steps along slopes do not lead everywhere
+# start and end of fits of integrated contacts: gradient steps do not reach every optimum
 
 
 def forerunner(model: Model) -> Model:
-    """A model whose fit finds a start: an integrated contact that takes no time has no slope along its time."""
+    """Model whose fit gives a start: an integrated contact of zero duration has no derivative by its duration."""
     return replace(model, law=replace(model.law, impulse=mirtich.impulse, force=None))
 
 
 def admitted(values: Mapping[str, float]) -> dict[str, float]:
-    """Start values, moved to where there are slopes."""
+    """Start values, moved to where the derivatives do not vanish."""
     start, ratio = {**values, "tau": max(values["tau"], BRIEF)}, DAMPING_RATIO
     if start.get(ratio.name, 0.0) > 5.0 * ratio.null:
-        start[ratio.name] = ratio.null  # so strong a damper is rigid friction, whatever the ratio
+        start[ratio.name] = ratio.null  # so strong a damper acts as rigid friction for any ratio
     return start
 
 
 def reaches(p: Parameter) -> bool:
-    """Whether a fit comes back from the starts that an effect declares, if they are wrong."""
+    """Whether a fit recovers from the starting values that an effect declares, if they are wrong."""
     return any(abs(x - p.null) <= FAR * p.scale for x in p.starts)
 
 
 def withdrawn(values: Mapping[str, float]) -> dict[str, float]:
-    """Values to try again from, where a step may have gone too far to come back; {}: none."""
-    # friction so sharp, or damped so strongly, is Coulomb's: there is no slope
+    """Values for a restart if a step may have gone too far to recover from; {} if none is needed."""
+    # such a small tolerance or large damping ratio gives Coulomb friction: the derivative vanishes
     tolerance, ratio = STICTION_TOLERANCE, DAMPING_RATIO
     if values.get(tolerance.name, tolerance.null) < 0.5 * tolerance.null:
         return {tolerance.name: tolerance.null}

@@ -1,6 +1,6 @@
-"""A law with any set of effects: what is declared, its parameters, and what follows from them.
+"""Declaration of a model, which is a law with any set of effects: its parameters and properties.
 
-What a model does to states at given values of its parameters says `thesis_lib/critique/contacts/dynamics.py`.
+`thesis_lib/critique/contacts/dynamics.py` applies a model to states at given parameter values.
 """
 
 from copy import copy
@@ -15,16 +15,16 @@ from thesis_lib.critique.contacts.contact_time import BASE_PARAMETERS, CONTACT_T
 from thesis_lib.effects.effect import Effect, Parameter, Rig, in_order, parameters_in
 from thesis_lib.mechanics.space import PLANE, Space
 
-HELD = 1e-2  # of a parameter's scale, one sigma of what is held at 0
+HELD = 1e-2  # relative to a parameter's scale: standard deviation of directions held at 0
 
 
 def inward(p: Parameter, value: float, step: float) -> float:
-    """The step from `value`, or its opposite where it would leave the bounds."""
+    """`step`, or its negative if the step from `value` would exceed the upper bound."""
     return step if value + step <= p.high else -step
 
 
 def _without_camera(effect: Effect) -> Effect:
-    """The part of a measurement effect that acts on the body, as gravity is oblique to a camera's axes."""
+    """Part of a measurement effect that acts on the body, as gravity does if oblique to the camera's axes."""
     inner = copy(effect)
     exact = {"to_true": Effect.to_true, "to_measured": Effect.to_measured}
     inner.__class__ = type(type(effect).__name__, (type(effect),), exact)
@@ -35,11 +35,11 @@ def _without_camera(effect: Effect) -> Effect:
 class Model:
     """A law with effects; its parameters are those of the law, `tau` if it `takes_time`, and `effect.parameter`.
 
-    `effects` are in the order in which they were chosen; they act in that of `hooks`.
+    `effects` are in the order in which they were chosen; they act in the order of `hooks`.
 
-    `always` are effects that every model of the data has, as the table under a body that slides over it: they act
-    first, those of the measurement last, and their parameters go by their own names.  In `space` parameters of effects
-    that are vectors have a component for each axis.
+    `always` are effects of every model of the data, such as the table under a sliding body: they act first, measurement
+    effects last, and their parameters have no prefix.  In `space` (3D), vector parameters of effects have one component
+    per axis.
     """
 
     law: Law
@@ -49,7 +49,7 @@ class Model:
     space: Space = PLANE
 
     def parameters_of(self, effect: Effect) -> tuple[Parameter, ...]:
-        """The parameters of an effect where the body moves."""
+        """Parameters of an effect in the model's space."""
         return parameters_in(effect, self.space)
 
     @cached_property
@@ -62,17 +62,17 @@ class Model:
 
     @property
     def of_friction(self) -> tuple[Parameter, ...]:
-        """The parameter beside μ of an integrated contact whose friction is not Coulomb's, or none."""
+        """Parameters besides μ of an integrated contact with non-Coulomb friction; otherwise empty."""
         return OF_FRICTION.get(type(self.law.force), ()) if self.is_compliant else ()
 
     @cached_property
     def fitted_parameters(self) -> dict[str, Parameter]:
-        """Parameters that a fit varies: all but those that are on or off."""
+        """Parameters that a fit varies: all but the discrete ones."""
         return {name: p for name, p in self.parameters.items() if p.discrete is None}
 
     def unseen(self, rig: Rig) -> np.ndarray:
-        """Directions (k, p) of the fitted parameters that nothing on this rig can show: weights of residuals that hold
-        them at 0, more strongly than finite differences err."""
+        """Directions (k, p) of the fitted parameters that are unobservable on this rig, as weights of residuals that
+        hold them at 0 more strongly than the errors of finite differences."""
         names, rows = list(self.fitted_parameters), []
         for effect in self.effects:
             for direction in effect.unseen(rig):
@@ -83,7 +83,7 @@ class Model:
 
     @cached_property
     def hooks(self) -> list[tuple[Effect, dict[str, str]]]:
-        """The effects in the order in which they act, each with the full name of every parameter of its hooks."""
+        """Effects in the order in which they act, each with the full names of its parameters."""
         first, last = ([e for e in self.always if (e.family == "measurement") == late] for late in (False, True))
         return [
             (e, {p.name: p.name if e in self.always else f"{e.name}.{p.name}" for p in self.parameters_of(e)})
@@ -91,7 +91,7 @@ class Model:
         ]
 
     def acting(self, *hooks: str) -> list[Effect]:
-        """The effects that override one of these hooks."""
+        """Effects that override at least one of the given hooks."""
         return [e for e, _ in self.hooks if any(getattr(type(e), hook) is not getattr(Effect, hook) for hook in hooks)]
 
     @cached_property
@@ -106,14 +106,14 @@ class Model:
 
     @cached_property
     def camera_is_exact(self) -> bool:
-        """Whether measured states are true ones."""
+        """Whether measured states equal true states."""
         return not self.acting("to_true", "to_measured")
 
     @cached_property
     def camera_bends(self) -> bool:
-        """Whether the camera reports parabolas as other curves, so that paths have to be followed through it.
+        """Whether the camera distorts parabolas, so that paths have to be mapped through the camera model.
 
-        In space the tracked point is off the centre of mass, which circles about it as any attitude is wrong.
+        In space the tracked point is off the centre of mass, which seems to circle about it if any attitude is wrong.
         """
         if not self.space.is_plane:
             return not self.camera_is_exact
@@ -121,7 +121,7 @@ class Model:
 
     @cached_property
     def turns_otherwise(self) -> bool:
-        """Whether bodies in flight may be seen to turn otherwise than the believed one turns freely; only in space."""
+        """Whether bodies in flight may appear to turn differently from the free believed body; only in space."""
         if self.space.is_plane:
             return False
         return any(effect.turns for effect in self.effects) or (self.camera_bends and not self.spins_evenly)
@@ -133,7 +133,7 @@ class Model:
 
     @cached_property
     def flight_parameters(self) -> list[str]:
-        """Parameters on which the measured flights, and so the states at impact, depend."""
+        """Parameters on which the measured flights, and hence the states at impact, depend."""
         acting = self.acting("to_true", "to_measured", "acceleration", "arc", *["inertia"] * (not self.space.is_plane))
         return [name for effect, names in self.hooks if effect in acting for name in names.values()]
 
@@ -144,16 +144,16 @@ class Model:
 
     @property
     def limit(self) -> "Model":
-        """The model with the impulse of short contacts, for a compliant law; a convex contact has no closed form."""
+        """For compliant laws, the model with the impulse of short contacts; convex contacts lack a closed form."""
         has_limit = self.is_compliant and not isinstance(self.law.force, ConvexDamper)
         return replace(self, law=replace(self.law, force=None)) if has_limit else self
 
     def with_effect(self, effect: Effect) -> "Model":
-        """The model with one more effect."""
+        """Model with one more effect."""
         return replace(self, effects=(*self.effects, effect))
 
     def camera_and_body(self) -> tuple["Model", "Model"]:
-        """The model with measurement effects only, and the one with all that acts on the body; neither takes time."""
+        """Model with measurement effects only, and model with all effects on the body; neither with a contact time."""
         camera = tuple(e for e in self.effects if e.family == "measurement")
         rest = Model(self.law, camera).acting("acceleration")
         body = tuple(_without_camera(e) if e in rest else e for e in self.effects if e not in camera or e in rest)

@@ -1,21 +1,21 @@
-"""Contacts integrated in time: forces at all contact points of a body, from touch until none presses any more.
+"""Contacts of finite duration, integrated in time at all contact points of a body until all have separated.
 
-They resolve contacts that overlap, and all contacts of a compliant law.  Each contact point has the normal force of the
-law, or a linear spring that returns the share ε² of its work where the law has none, and Coulomb friction; L and v₀ are
-the units of `thesis_lib/contact/compliant/normal_force.py`.  What accelerates the body in flight does so in contact,
-too.  Per unit mass, with x the depth over L,
+Integration is used for contacts that overlap, and for all contacts of a compliant law.  Each contact point has Coulomb
+friction and the normal force of the law or, if the law has none, a linear spring that returns the fraction ε² of its
+work; L and v₀ are the units of `thesis_lib/contact/compliant/normal_force.py`.  The accelerations of flight also act in
+contact.  Per unit mass, with x the depth over L,
 
     normal     f_n = f(x, x', x_m; D) v₀²/L,   D and L from ε and τ of a central contact
-    friction   what ends the slip within the step, at most μ f_n
+    friction   ends the slip within the step, at most μ f_n
 
 Both forces of a convex contact follow from its program.
 The lowest point of a smooth body moves over it as the body turns.  Effects act on the frame, on the contact points and
-on (μ, ε) as in a single contact; shifts of a contact point turn with the body.  What they add to the impulse of
-the law is added to the impulse of each corner, at the velocity with which it touched.  Six are integrated with the
-rest: in the plane `tangential_compliance` is a spring along the surface, and under `soft_body` the force acts in the
-chord that the surface cuts off, the higher the deeper the body sinks in; in space the μ of
-`velocity_dependent_friction` follows the slip, the ellipse of `anisotropic_friction` limits the friction of springs,
-and the couples of `torsional_friction` and `contact_torque` act while the contact lasts.
+on (μ, ε) as in a single contact; shifts of a contact point turn with the body.  Contributions of effects to the impulse
+of the law are added to the impulse of each corner, at its velocity at touch.  Six effects are integrated with the
+motion: in the plane `tangential_compliance` is a spring along the surface, and with `soft_body` the force acts within
+the chord where the surface cuts the body, higher for greater depth; in space the μ of `velocity_dependent_friction`
+follows the slip, the ellipse of `anisotropic_friction` limits the friction of springs, and the couples of
+`torsional_friction` and `contact_torque` act during the contact.
 """
 
 from collections.abc import Callable, Mapping
@@ -44,22 +44,22 @@ from thesis_lib.mechanics.contact import Contact, velocity_change
 from thesis_lib.mechanics.space import Space, about_normal, cross, rotation_matrix, rotation_vector
 from thesis_lib.mechanics.state import State
 
-MOST_CORNERS = 12  # a polygon with more is a curve drawn with corners
-STEPS = 64  # in one central contact: errors of contacts of 3 ms are then a twentieth of a rig's noise
-SHORTEST = 1e-6  # s; no camera tells it from an instant
-INSTANT = 1e-6  # s, for the acceleration as a difference quotient
+MOST_CORNERS = 12  # a polygon with more corners approximates a smooth curve
+STEPS = 64  # per central contact: the errors of 3 ms contacts are then a twentieth of the rig's noise
+SHORTEST = 1e-6  # s; a camera cannot resolve it
+INSTANT = 1e-6  # s, step of the difference quotient for the acceleration
 SHALLOW = 1e-4  # m, depth at which a pressure field is compared with a spring
-LONGEST = 4  # central contacts; a body that presses longer rests
-GAIN = 30.0  # of speed; no contact gains so much, but steps do that are too long for the damping that a fit tries
-CUT = 32  # central contacts beyond, of a body in space that turns over an edge, say: it then hits once more
-MIDDLE = 0.5  # of the overlap: there simulators put the force of a convex contact
-SPRING = NormalForce()  # of laws without a force
+LONGEST = 4  # durations of a central contact; a body that presses longer rests
+GAIN = 30.0  # ratio of speeds beyond physical contacts; reached if steps are too long for a trial value of the damping
+CUT = 32  # further durations in space (a body turns over an edge, for example); after them it hits again
+MIDDLE = 0.5  # of the overlap: where simulators apply the force of a convex contact
+SPRING = NormalForce()  # for laws without a force
 
 
 @dataclass(frozen=True)
 class Pressed:
-    """Change of pose (n, d + turns) in m and rad, motion (n, d + turns) and time (n,) in s when no corner presses any
-    more; by corner the impulses per unit mass (d, p, n)."""
+    """Change of pose (n, d + turns) in m and rad, motion (n, d + turns) and time (n,) in s when all corners have
+    separated; impulses per unit mass (d, p, n) of each corner."""
 
     shift: np.ndarray
     v: np.ndarray
@@ -69,15 +69,15 @@ class Pressed:
 
 @dataclass(frozen=True)
 class Touching:
-    """n bodies whose p contact points press: what is integrated from first touch on.
+    """Input of the integration from first touch on: n bodies, each with p contact points.
 
     Attributes:
-        dynamics: with one contact point for each of the p n `tiled` states.
-        frame: (n,) as the contact sees it; `at` (p n,) the contact of each point.
+        dynamics: dynamics with one contact point for each of the p n `tiled` states.
+        frame: (n,) states in the frame of the contact; `at` (p n,) is the contact of each point.
         points: (4, p, n) gap in m, μ, loss, and length in m (`normal_force`).
         falling: (n, d + turns) acceleration in flight.
         tau: (p n,) s.
-        step, most: (n,) s, and the number of steps after which a contact ends.
+        step, most: (n,) step in s, and the number of steps after which a contact ends.
     """
 
     dynamics: Dynamics
@@ -98,14 +98,14 @@ class Touching:
 
     @property
     def turning(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """In space: inertia per mass (3, 3, n), momentum, and what turns bodies beyond their free motion (3, n)."""
+        """In space: inertia per mass (3, 3, n), angular momentum and couple in addition to free motion (3, n)."""
         G = np.moveaxis(np.linalg.inv(np.moveaxis(self.at.mobility[:, :, : len(self.frame)], -1, 0)), 0, -1)
         momentum, couple = (np.einsum("ijn,jn->in", G, u) for u in (self.frame.spin, self.falling[:, 3:].T))
         return G, momentum, couple + cross(self.frame.spin, momentum)
 
 
 def contact_points(rig: Rig) -> int:
-    """Number of points of the body that may touch: its corners; one, the lowest, if it has none or too many."""
+    """Number of points of the body that may touch: its corners, or 1 (the lowest point) if it has none or too many."""
     if not rig.space.is_plane:
         points = rig.shape.minkowski.centres.shape[1]  # pyright: ignore[reportAttributeAccessIssue]
         return points if points <= MOST_CORNERS else 1
@@ -115,7 +115,7 @@ def contact_points(rig: Rig) -> int:
 
 
 def one_point(rig: Rig, index: np.ndarray) -> Rig:
-    """The rig with one contact point for each of n bodies, by its index (n,)."""
+    """Rig with one contact point for each of n bodies, given by its index (n,)."""
     if contact_points(rig) == 1:
         return rig
     if not rig.space.is_plane:
@@ -124,7 +124,7 @@ def one_point(rig: Rig, index: np.ndarray) -> Rig:
 
 
 def all_points(rig: Rig, bodies: int) -> Rig:
-    """The rig with the first contact point of all `bodies`, then the second of all, and so on."""
+    """Rig with the first contact point of all `bodies`, then the second of all, and so on."""
     points = contact_points(rig)
     if points == 1:
         return rig
@@ -134,7 +134,7 @@ def all_points(rig: Rig, bodies: int) -> Rig:
 
 
 def integrates(law: Law, effect: Effect, space: Space) -> bool:
-    """Whether the effect is part of the integrated motion; others have friction and place of their own."""
+    """Whether the effect is part of the integrated motion; some laws have their own friction and point of action."""
     if not space.is_plane:
         if isinstance(effect, AnisotropicFriction):
             return not isinstance(law.force, ConvexDamper)
@@ -150,10 +150,10 @@ def press(
     left: np.ndarray | float = 0.0,
     integrated: Callable[[Touching], Pressed] | None = None,
 ) -> tuple[State, np.ndarray]:
-    """True states (n,) after the corners have pressed, from true states at first touch, and the time (n,) in s.
+    """True states (n,) after all corners have separated, from true states at first touch, and the time (n,) in s.
 
-    A contact that is not over `LONGEST` central ones after the time `left` (n,) in s ends there, in space at most `CUT`
-    later than without that time.  `integrated` replaces our own integration.
+    A contact ends at the latest `LONGEST` durations of a central contact after the time `left` (n,) in s; in space
+    `left` adds at most `CUT` durations.  `integrated` replaces our own integration.
     """
     model, rig, space = dynamics.model, dynamics.rig, true.space
     force = model.law.force or SPRING
@@ -166,7 +166,7 @@ def press(
     as_fitted = force.loss(np.full(corners * n, at_corners.values["epsilon"]))
     (mu, epsilon), tau = at_corners.on(rig).coefficients(seen, at), at_corners.on(rig).contact_time(seen, at)
     length = force.length(np.maximum(tau, SHORTEST), as_fitted)
-    gap = np.maximum(at_corners.gap(tiled), 0.0)  # what is below is noise, or a dent
+    gap = np.maximum(at_corners.gap(tiled), 0.0)  # penetration here is noise, or a dent
     points = np.stack([gap, mu, force.loss(epsilon), length]).reshape(4, corners, n)
     frame = seen.select(np.arange(n))
     central = force.duration(as_fitted[:n]) * points[3].min(axis=0) / SPEED
@@ -177,31 +177,31 @@ def press(
     pressed = integrated(Touching(at_corners, tiled, frame, at, points, falling, tau, *steps))
     added = _added(others.on(rig), pressed, seen, at.with_coefficients(mu, epsilon))
     v, shift = pressed.v + added, pressed.shift
-    if not space.is_plane:  # hits in space are so precise that it shows: half of the contact moves with it
+    if not space.is_plane:  # visible at the precision of hits in space: it acts on average over half the contact
         shift = shift + 0.5 * pressed.elapsed[:, None] * added
     after = _moved(frame, shift, v, pressed.elapsed)
     if model.has_varying_flight:
-        # the contact turns the velocity, and with it what slows the flight: the mean of before and after
+        # the contact changes the velocity, and so the drag: use the mean of before and after
         behind = dynamics.from_contact(after)
         changed = 0.5 * pressed.elapsed[:, None] * (_acceleration(dynamics, behind) - falling)
         if not space.is_plane:
-            changed[:, space.dimension :] = 0.0  # the integrated turn is that of the spin as it changes
+            changed[:, space.dimension :] = 0.0  # the integrated turn already includes the change of the spin
         v, shift = v + changed, shift + 0.5 * pressed.elapsed[:, None] * changed
         after = _moved(frame, shift, v, pressed.elapsed)
-    # the origin moves by its own mean velocity, where that is not the one that the contact sees
+    # the origin moves with its own mean velocity if it differs from the velocity in the contact's frame
     frame, origin = dynamics.from_contact(frame), dynamics.from_contact(after)
     shift = shift + 0.5 * pressed.elapsed[:, None] * (frame.v - seen.v[:n] + origin.v - v)
     return _moved(true, shift, origin.v, pressed.elapsed), pressed.elapsed
 
 
 def _moved(state: State, shift: np.ndarray, v: np.ndarray, elapsed: np.ndarray) -> State:
-    """The states `elapsed` (n,) in s later, after a change of pose and with motions, each (n, d + turns)."""
+    """States `elapsed` (n,) in s later, with poses changed by `shift` and motions v, each (n, d + turns)."""
     pose = state.space.shift(state.pose, shift.T)
     return State(pose, v.T, state.trial, state.t + elapsed, state.surface, state.space)
 
 
 def _in_plane(touching: Touching) -> Pressed:
-    """The motion of planar bodies."""
+    """Integrated motion of planar bodies."""
     at_corners, frame, at, points, tau = (
         getattr(touching, name) for name in ("dynamics", "frame", "at", "points", "tau")
     )
@@ -213,7 +213,7 @@ def _in_plane(touching: Touching) -> Pressed:
     spring, soft = (_parameters(at_corners, kind) for kind in (TangentialCompliance, SoftBody))
     eta, zeta = (np.full(corners * n, spring.get(name, 0.0))[:n] for name in ("eta", "zeta"))
     share, slopes = _chord(law, soft, tau[:n], at_corners.rig.shape, touching.tiled.theta)
-    falling = np.ascontiguousarray(touching.falling)  # always in this order of axes: one kernel is compiled
+    falling = np.ascontiguousarray(touching.falling)  # a fixed memory layout: a single kernel is compiled
     shift, v, elapsed, c_t, c_n = integrate(
         (force.kind, force.exponent, ratio, regularisation, _central_pressure(shape) if is_field else 1.0),
         np.concatenate([np.reshape(at.r, (2, corners, n)), points]),
@@ -229,7 +229,7 @@ def _in_plane(touching: Touching) -> Pressed:
 
 
 def _in_space(touching: Touching) -> Pressed:
-    """The motion of bodies in space."""
+    """Integrated motion of bodies in space."""
     at_corners, frame, at, falling = touching.dynamics, touching.frame, touching.at, touching.falling
     force, n = at_corners.model.law.force or SPRING, len(frame)
     ratio, regularisation = _of_friction(at_corners, n)
@@ -243,9 +243,9 @@ def _in_space(touching: Touching) -> Pressed:
     axes = rotation_matrix(frame.attitude)
     arrays = [at.r.reshape(3, -1, n), W, momentum, falling[:, :3].T, couple, axes, frame.velocity, spin]
     edges = np.full(len(touching.tiled), at_corners.values.get(EDGE_ANGLE.name, 0.0))[:n]
-    if is_turned := bool(edges.any()):  # to the axes of a pyramid, and back
+    if is_turned := bool(edges.any()):  # into the axes of a pyramid, and back below
         arrays = [about_normal(-edges, array) for array in arrays]
-        arrays[1] = about_normal(-edges, arrays[1].swapaxes(0, 1))  # of a symmetric tensor the other index
+        arrays[1] = about_normal(-edges, arrays[1].swapaxes(0, 1))  # second index of a symmetric tensor
     r, W, momentum, a, couple, axes, velocity, spin = (np.ascontiguousarray(array) for array in arrays)
     shift, turn, velocity, spin, elapsed, c = compiled_in_space.integrate(
         (force.kind, force.exponent, ratio, regularisation, np.full(n, share)),
@@ -266,14 +266,14 @@ def _in_space(touching: Touching) -> Pressed:
     before = np.linalg.norm(np.concatenate([frame.velocity, k * frame.spin]), axis=0)
     after = np.linalg.norm(np.concatenate([velocity, k * spin]), axis=0)
     lost = ~(after <= GAIN * np.maximum(before, 1.0))
-    if lost.any():  # not numbers, or absurd ones: such a body stops where it touched
+    if lost.any():  # NaN or absurd values: such a body stops where it touched
         shift[:, lost], velocity[:, lost], spin[:, lost], c[:, :, lost] = 0.0, 0.0, 0.0, 0.0
         turn[:, lost] = 0.0
     return Pressed(np.concatenate([shift, turn]).T, np.concatenate([velocity, spin]).T, elapsed, c)
 
 
 def _acceleration(dynamics: Dynamics, true: State) -> np.ndarray:
-    """Acceleration in flight (n, d + turns) in m/s² and rad/s² of the frame that the contact sees, in true states."""
+    """Acceleration in flight (n, d + turns) in m/s² and rad/s², in the frame of the contact, of true states."""
     a = dynamics.true_acceleration(true)
     if not dynamics.model.has_varying_flight:
         return a
@@ -282,8 +282,8 @@ def _acceleration(dynamics: Dynamics, true: State) -> np.ndarray:
 
 
 def _of_friction(dynamics: Dynamics, n: int) -> tuple[np.ndarray, np.ndarray]:
-    """Damping ratio or stiction tolerance, and R m of a convex contact, (n,); 0 of a law without."""
-    # of several points of each body the first ones are all bodies
+    """Damping ratio or stiction tolerance, and R m of a convex contact, (n,) each; 0 for laws without them."""
+    # with several points per body, the first n entries cover all bodies
     own = {
         p.name: np.array(np.broadcast_to(np.ravel(dynamics.values.get(p.name, p.null))[:n], n))
         for p in dynamics.model.of_friction
@@ -293,7 +293,7 @@ def _of_friction(dynamics: Dynamics, n: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _central_pressure(shape: Shape) -> float:
-    """`central_pressure` of a body on its flattest point, or on the corner furthest from its centre."""
+    """`central_pressure` of a body on its flattest point, or on the corner farthest from its centre."""
     _, axes, corners = _outline(shape, 1)
     if not len(corners):
         return central_pressure(axes, corners, 0.0 if axes[0] >= axes[1] else 0.5 * np.pi, SHALLOW)
@@ -302,7 +302,7 @@ def _central_pressure(shape: Shape) -> float:
 
 
 def _parameters(dynamics: Dynamics, kind: type[Effect]) -> Mapping:
-    """The parameters of the effect of that kind, if it is integrated; none otherwise."""
+    """Parameters of the effect of the given kind if it is integrated; otherwise empty."""
     law, space = dynamics.model.law, dynamics.rig.space
     return next((p for effect, p in dynamics.active if isinstance(effect, kind) and integrates(law, effect, space)), {})
 
@@ -310,18 +310,18 @@ def _parameters(dynamics: Dynamics, kind: type[Effect]) -> Mapping:
 def _chord(
     law: Law, soft: Mapping, tau: np.ndarray, shape: Shape | Corner, theta: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Share (n,) of the depth that is in the body, and by how much further along the surface the force acts (p n,)."""
+    """Fraction (n,) of the depth that is in the body, and relative shift (p n,) of the force along the surface."""
     if isinstance(law.force, ConvexDamper):
         return np.full(len(tau), MIDDLE), np.zeros(len(theta))
     if not soft:
         return np.zeros(len(tau)), np.zeros(len(theta))
-    # under a linear spring the mean depth is half of what the arc sinks in
+    # with a linear spring the mean depth is half the penetration of the arc
     lam = np.full(len(theta), soft["lam"])[: len(tau)]
     return 2.0 * lam / np.maximum(tau, SHORTEST), lean(shape, theta)
 
 
 def _added(dynamics: Dynamics, pressed: Pressed, seen: State, at: Contact) -> np.ndarray:
-    """Change of motion (n, d + turns) by what effects add to the impulse of each corner that has pressed."""
+    """Change of motion (n, d + turns) due to the contributions of effects to the impulse of each corner."""
     if not dynamics.model.acting("impulse"):
         return np.zeros_like(pressed.v)
     c = pressed.c.reshape(len(pressed.c), -1)
@@ -337,8 +337,8 @@ def _added(dynamics: Dynamics, pressed: Pressed, seen: State, at: Contact) -> np
 
 
 def _outline(shape: Shape, corners: int) -> tuple[bool, np.ndarray, np.ndarray]:
-    """Whether the lowest point moves over the body as it turns; squares (2,) of its semi-axes in m², or its vertices
-    (k, 2) in m."""
+    """Whether the lowest point moves over the body as it turns; squared semi-axes (2,) in m², or vertices (k, 2)
+    in m."""
     none = np.zeros((0, 2))
     if isinstance(shape, Polygon):
         return corners == 1, np.zeros(2), shape.corners if corners == 1 else none

@@ -1,7 +1,7 @@
-"""Critique of one dataset: compare laws, choose effects, and judge what remains.
+"""Critique of one dataset: compare laws, choose effects, and judge the remaining error.
 
-Trials are split once: 70 % for every choice (law, effects, where to stop) by K-fold, and 30 % held out, from which all
-reported errors come.  These may only take an effect away with which one of their errors rises.
+Trials are split once: 70 % for every choice (law, effects, where to stop) by K-fold, and 30 % held out for all reported
+errors.  Held-out trials choose nothing, but remove an effect that raises one of their errors or lowers none.
 """
 
 from collections.abc import Callable, Sequence
@@ -53,7 +53,7 @@ class DropsCritique:
         ladder: (label, fit, held-out judgement) after 0, 1, ... effects.
         laws: held-out judgement of each law without effects.
         without: by effect, held-out judgement of the final model refitted without it.
-        remaining: structure left on training trials after the last effect.
+        remaining: structure in the residuals of training trials after the last effect.
         irb, irb_augmented: held-out IRB bound, m/s, as measured, and with the final geometry, inertia and camera.
         no_impact: held-out error if velocities stayed unchanged, m/s.
         source: the dataset, for plots of its samples.
@@ -81,28 +81,28 @@ class DropsCritique:
 
     @property
     def verdict(self) -> str:
-        """adequate, effects or unexplained; an error that only a stand-in explains counts as unexplained."""
+        """adequate, effects or unexplained; an error that only a proxy (`stand_ins`) explains is unexplained."""
         nameless = {name for name, found in self.stand_ins.items() if not found.instead}
         clearing = {step.effect.name for step in self.discovery.steps if step.clears}
-        missing = self.observations.found.down is not None  # no law has a restitution that ends at a speed
+        missing = self.observations.found.down is not None  # no law has a restitution that vanishes below a speed
         missing |= self.elsewhere is not None
         return self.discovery.verdict(self.is_structured or bool(nameless & clearing) or missing)
 
     @cached_property
     def elsewhere(self) -> HitsElsewhere | None:
-        """Hits on something that is not the surface, if there are more than errors of tracking."""
+        """Hits on an object other than the surface, if there are more than tracking errors would explain."""
         return hits_elsewhere(self.ladder[-1][1], self.observations, self.settings.elsewhere)
 
     @cached_property
     def stand_ins(self) -> dict[str, StandIn]:
-        """Effects of the final model that contradict what is known of the body, by name."""
+        """Effects of the final model that contradict the known properties of the body, by name."""
         if self.source is None:
             return {}
         return stand_ins(self.source.header.body, self.discovery.steps, self.ladder[-1][1], self.settings.contradicts)
 
     @property
     def is_structured(self) -> bool:
-        """Whether what remains is material: learnable from the state, or a misfit far beyond noise."""
+        """Whether the remaining error is material: learnable from the state, or a misfit far beyond noise."""
         return self.is_learnable or bool(self.misfit_channels)
 
     @property
@@ -122,7 +122,7 @@ class DropsCritique:
 
     @cached_property
     def restitution_differs(self) -> tuple[str, float, float] | None:
-        """ "trial" or "impact", and the range of ε, where only restitution differs, and with nothing recorded."""
+        """ "trial" or "impact", between which only restitution differs, with no recorded cause; and the range of ε."""
         if not self.is_structured or self.remaining.p_value <= self.settings.alpha:
             return None
         own = own_restitution(self.ladder[-1][1], self.observations)
@@ -141,22 +141,22 @@ def criticise_drops(
     effects: Sequence[str] | None = None,
     say: Callable[[str], None] = lambda text: None,
 ) -> DropsCritique:
-    """Criticise contact models against drops.
+    """Compare contact models with measured drops, choose effects, and judge the remaining error.
 
     Args:
         rng: for split, folds and resamples; seed it from the dataset's content for reproducible results.
         arcs: settings of the detection of impacts.
         effects: names of effects to switch on instead of the automatic choice.
-        say: receives a line for each step.
+        say: function that receives one line of text per step.
 
     Raises:
-        TooFew: fewer than 30 usable impacts in 10 trials, or no single ones among those that are held out.
-        UserError: a channel that is constant, contacts too long for an impact, more than one planar rigid body, or an
-            effect that is unknown or cannot be tested.
+        TooFew: fewer than 30 usable impacts in 10 trials, or no single hits among training or held-out trials.
+        UserError: a channel is constant, contacts last too long for impacts, the motion is not that of one planar
+            rigid body, or an effect is unknown or cannot be tested.
     """
     settings = settings or CritiqueSettings()
     say("finding impacts")
-    dataset = dataset if dataset.space.is_plane else settled(dataset)  # what is saved predicts with that pose
+    dataset = dataset if dataset.space.is_plane else settled(dataset)  # the saved model predicts with that pose
     observations = _observed(dataset, effects or (), settings, arcs)
     trials = np.unique(observations.trial)
     slow = "" if dataset.space.is_plane or not observations.arcs else too_slow(dataset.rate)
@@ -165,7 +165,7 @@ def criticise_drops(
         raise too_few(dataset, observations, needs)
     training, held_out = map(observations.select, split(trials, settings.held_out_share, rng))
     if not (len(training.single) and len(held_out.single)):
-        raise too_few(dataset, observations, "nearly all follow each other too quickly, and errors are of single hits")
+        raise too_few(dataset, observations, "nearly all follow each other too quickly, but errors need single hits")
     observations, training = (part.counted_from(training.middle) for part in (observations, training))
     observations = predictable(observations, training, settings)
     training, held_out = (observations.select(np.unique(part.trial)) for part in (training, held_out))
@@ -198,7 +198,7 @@ def fit_model(
     settings: CritiqueSettings | None = None,
     arcs: ArcSettings | None = None,
 ) -> Fit:
-    """One law with named effects, fitted to all impacts and flights; UserError as of `criticise`, or an unknown law."""
+    """Fit one law with named effects to all impacts and flights; UserError as for `criticise`, or an unknown law."""
     if law not in BASES:
         raise UserError(f"There is no law {law!r}; known are {', '.join(BASES)}.")
     settings = settings or CritiqueSettings()
@@ -211,7 +211,7 @@ def fit_model(
 
 
 def irb_errors(fitted: Fit, observations: Observations) -> np.ndarray:
-    """Error (n,) in m/s of the best impulse of a rigid point contact in the fitted geometry, of each single hit."""
+    """Error (n,) in m/s of each single hit with the best impulse of a rigid point contact in the fitted geometry."""
     o = observations.single
     if not o.rig.has_angle:
         return np.zeros(len(o))  # with the right spin an impulse reaches any velocity
@@ -226,7 +226,7 @@ def irb_errors(fitted: Fit, observations: Observations) -> np.ndarray:
 
 
 def _refuse_constant(dataset: Dataset) -> None:
-    """Refuse a channel of the plane that never changes: it was not measured, so that no verdict is possible."""
+    """Raise a UserError if a channel of planar data never changes: it was not measured, so no verdict is possible."""
     direct = dataset.impacts is not None and len(dataset.impacts) > 0
     poses = POSE if dataset.has_angle else POSE[:2]
     table = dataset.impacts if direct else dataset.trajectories
@@ -241,7 +241,7 @@ def _refuse_constant(dataset: Dataset) -> None:
         raise UserError(
             f"{column} {', '.join(stuck)} of {'impacts' if direct else 'trajectories'}.csv in {dataset.name} {hold} "
             f"the same value in all {len(table)} rows, so nothing was measured there and no model can be judged. "
-            "Look at the export of that channel, or measure it."
+            "Check the export of that channel, or measure it."
         )
 
 

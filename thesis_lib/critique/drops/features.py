@@ -4,8 +4,8 @@ A Gaussian process with one length scale per feature (ARD) is fitted to the resi
 leave-one-out predictions on the other half estimate the learnable part of the error.  For the p-value the residuals of
 the second half are permuted over its impacts.
 
-The process is scikit-learn's: residuals are clipped, so that one noise holds for all.  The learners of chapter 4 have
-one of their own, in which wild impacts have more noise (`thesis_lib/learners/gaussian_process.py`).
+The process is scikit-learn's: residuals are clipped, so one noise level holds for all.  The learners of chapter 4 have
+their own process, in which wild impacts have more noise (`thesis_lib/learners/gaussian_process.py`).
 """
 
 import warnings
@@ -24,7 +24,7 @@ from thesis_lib.statistics.spread import robust_std
 MOST = 160  # impacts per half: the fit costs n³, and 160 show a structure that matters
 PERMUTATIONS = 199
 RELEVANT = 3.0  # standard deviations: a feature with a longer length scale does not matter
-CONSTANT = 1e-9  # in units of `FEATURES`: what spreads less is rounding, as the contact point of a ball
+CONSTANT = 1e-9  # in units of `FEATURES`: a smaller spread is rounding, as of the contact point of a ball
 FEATURES = {
     "v_t": ("m/s", "tangential velocity of the contact point before impact"),
     "v_n": ("m/s", "normal velocity of the contact point before impact"),
@@ -47,7 +47,7 @@ FEATURES = {
 def features(fitted: Fit, observations: Observations) -> pd.DataFrame:
     """Features of n impacts, columns and units as in `FEATURES`; t only for trajectories, wall only between walls.
 
-    Neither omega nor theta where the angle is not measured.
+    Without omega and theta if the angle is not measured.
     """
     here = fitted.on(observations)
     true = here.dynamics.to_true(here.before)
@@ -76,7 +76,7 @@ def features(fitted: Fit, observations: Observations) -> pd.DataFrame:
 
 
 def _in_space(true: State, o: Observations) -> pd.DataFrame:
-    """Features in space, along the axes of the slip: a turn of everything about the normal changes none of them."""
+    """Features in space, along the axes of the slip: a turn of everything about the normal does not change them."""
     r = o.rig.lowest(true)
     axes = slip_axes(true, o.rig)
     (slip, _, v_n), spin, arm = (
@@ -113,7 +113,7 @@ def within_half_a_turn(theta: np.ndarray) -> np.ndarray:
 def remaining(fitted: Fit, observations: Observations, rng: np.random.Generator) -> Remaining:
     """Test the residuals of the velocity after impact for structure; errors in m/s.
 
-    Of fewer than two impacts in either half of the trials none is found, with the p-value 1.
+    With fewer than two impacts in either half of the trials, no structure is found and the p-value is 1.
     """
     from sklearn.exceptions import ConvergenceWarning
     from sklearn.gaussian_process import GaussianProcessRegressor

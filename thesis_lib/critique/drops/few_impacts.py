@@ -1,7 +1,7 @@
-"""Restitution and friction of impacts that are too few for a verdict.
+"""Restitution and friction from too few impacts for a verdict.
 
-All laws are fitted to all impacts; nothing is chosen, and no error is held out.  Restitution is the mean of what each
-impact shows (`own_restitution`), and its standard error counts how far trials differ.
+All laws are fitted to all impacts; nothing is chosen, and no data are held out.  Restitution is the mean over single
+impacts (`own_restitution`), and its standard error includes the scatter of trials.
 """
 
 from dataclasses import dataclass
@@ -17,11 +17,11 @@ from thesis_lib.critique.likelihood.observations import Observations
 from thesis_lib.datasets.format.dataset import Dataset
 from thesis_lib.foundation.errors import UserError
 
-LAW = "mirtich"  # energetic restitution, which friction changes least
+LAW = "mirtich"  # energetic restitution, which depends least on friction
 
 
 class TooFew(UserError):
-    """Too few usable impacts of `dataset` for what was asked; they are in `observations`."""
+    """Error: `dataset` has too few usable impacts for the request; `observations` contains them."""
 
     def __init__(self, text: str, dataset: Dataset, observations: Observations) -> None:
         super().__init__(text)
@@ -29,17 +29,17 @@ class TooFew(UserError):
 
     @property
     def say_something(self) -> bool:
-        """Whether there is an impact; in space flights and rests say something without one."""
+        """Whether there is anything to report: an impact or, in space, trajectories, with flights and rests."""
         return len(self.observations) > 0 or (self.observations.arcs and not self.observations.space.is_plane)
 
 
 @dataclass(frozen=True)
 class FewImpacts:
-    """Results from impacts that are too few for a verdict.
+    """Results from too few impacts for a verdict.
 
     Attributes:
         observations: all impacts.
-        laws: each law, fitted to all of them, by name; none without an impact.
+        laws: fit of each law to all impacts, by name; empty without impacts.
     """
 
     dataset: str
@@ -54,7 +54,7 @@ class FewImpacts:
 
     @property
     def fitted(self) -> Fit:
-        """The law whose friction and restitution are told."""
+        """Fit of the law whose friction and restitution are reported."""
         return self.laws[LAW]
 
     @cached_property
@@ -64,7 +64,7 @@ class FewImpacts:
 
     @property
     def restitution(self) -> tuple[float, float]:
-        """ε and its standard error; NaN what nothing shows: no impact does, or one of unknown noise."""
+        """ε and its standard error; NaN if unknown, as without impacts or, for the error, with one of unknown noise."""
         if not self.laws:
             return np.nan, np.nan
         if not len(self.each.epsilon):  # episodes alone
@@ -73,7 +73,7 @@ class FewImpacts:
 
 
 def few_impacts(few: TooFew, settings: CritiqueSettings) -> FewImpacts:
-    """All laws fitted to too few impacts."""
+    """Results of all laws fitted to too few impacts."""
     observations, source = few.observations, few.dataset
     world = Drops(observations, settings)
     laws = {name: fit(world.model(name), observations) for name in world.bases if len(observations)}
@@ -81,7 +81,7 @@ def few_impacts(few: TooFew, settings: CritiqueSettings) -> FewImpacts:
 
 
 def too_few(dataset: Dataset, observations: Observations, needs: str) -> TooFew:
-    """The error, with what was left out and what was noticed."""
+    """The error to raise, with counts of omitted impacts and with warnings."""
     found, n = observations.found, len(observations)
     reasons = found.left_out["reason"].value_counts().to_dict()
     why = "; ".join(f"{count} {name}" for name, count in reasons.items())
@@ -90,7 +90,7 @@ def too_few(dataset: Dataset, observations: Observations, needs: str) -> TooFew:
     checked = (f"datasets check has {doubts} warning{'s' * (doubts > 1)}.",) * (doubts > 0)
     noticed = " ".join([*found.warnings, *checked])
     noticed = f"What was noticed: {noticed} " if noticed else ""
-    advice = "Measure more drops, or look at what detection says (python -m thesis_lib datasets check)."
+    advice = "Measure more drops, or check the detection of impacts (thesis-lib datasets check)."
     text = f"{dataset.name} has {n} usable impacts in {len(np.unique(observations.trial))} trials; {needs}. "
     text += f"Left out: {why}. {noticed}{'' if found.remarks else advice}".rstrip()
     return TooFew(text, dataset, observations)

@@ -1,7 +1,7 @@
-"""How far a model errs, channel by channel, on data that it was not fitted to.
+"""Errors of a model, channel by channel, on data that it was not fitted to.
 
 The error of an impact is the kinetic norm of the velocity after impact in m/s (`Observations.norm`); the other channels
-(`thesis_lib/critique/likelihood/channels.py`) count in units of noise.  The noise floor is the error of a
+(`thesis_lib/critique/likelihood/channels.py`) are in units of noise.  The noise floor is the error of a
 perfect model whose inputs and outcome are measured with noise: the mean kinetic norm of draws from the residual's
 covariance S.
 """
@@ -21,7 +21,7 @@ from thesis_lib.statistics.spread import OF_MEDIAN
 
 FLOOR_SEED = 0
 FLOOR_DRAWS = 64  # per impact; the mean over 100 impacts then has an error of 1 %
-OF_NORM = 0.56  # as `OF_MEDIAN`, of norms of three components
+OF_NORM = 0.56  # as `OF_MEDIAN`, for norms of three components
 Scores = tuple[np.ndarray, np.ndarray]  # trials and log scores in nats, (m,) each
 
 
@@ -31,11 +31,11 @@ class Judgement:
 
     Attributes:
         trial: (n,) of each impact; score: (n,) log scores in nats.
-        beside: by channel the trials and log scores of what is measured beside impacts.
+        beside: trials and log scores of measurements beside impacts, by channel.
         error: (n,) kinetic norm, m/s.
-        sigmas: mean square in units of noise, by channel but impact; NaN if absent.
+        sigmas: mean square in units of noise, by channel except impact; NaN if absent.
         floor: noise floor of `error`, m/s; excess: median error over that of noise alone; NaN if the noise is unknown.
-        integrated: whether the contact was, so that `sigmas` are of where it ends; an impulse moves nothing.
+        integrated: whether the contact was integrated, so that `sigmas` hold at its end; an impulse moves nothing.
     """
 
     trial: np.ndarray
@@ -76,7 +76,7 @@ class Judgement:
         return float(np.sqrt(self.sigmas.get(channel, np.nan))), 1.0
 
     def over_noise(self) -> dict[str, tuple[float, float]]:
-        """By channel how many times larger the median misfit is than that of noise, and its relative standard error."""
+        """Median misfit over that of noise, and its relative standard error, by channel."""
         sizes = {name: len(trial) for name, (trial, _) in self.beside.items()}
         found = {IMPACT.name: (self.excess, OF_NORM)}
         found |= {name: (float(np.sqrt(square)), OF_MEDIAN) for name, square in self.sigmas.items()}
@@ -86,7 +86,7 @@ class Judgement:
 
 
 def misfits(fitted: Fit, o: Observations) -> Misfits:
-    """What a model leaves of observations, hit by hit."""
+    """Residuals of a model for each hit."""
     return _misfits(fitted, o, fitted.on(o))[1]
 
 
@@ -123,7 +123,7 @@ def judge(fitted: Fit, o: Observations) -> Judgement:
 
 
 def joined(parts: Sequence[Judgement]) -> Judgement:
-    """The judgement of all folds; misfits are averaged over their impacts."""
+    """Joint judgement of all folds; misfits are averaged over their impacts."""
 
     def mean(values: list[float | None]) -> float:
         known = [(value, float(part.units)) for value, part in zip(values, parts) if value is not None]
@@ -151,9 +151,9 @@ def channel_is_material(better: Judgement, worse: Judgement, channel: str, setti
 
 
 def is_buried(judged: Judgement, least: float) -> bool:
-    """Whether the median hit errs by more than `least` times noise, and the mean of all by less than `least` floors.
+    """Whether the median error exceeds `least` times noise, but the mean error is less than `least` floors.
 
-    A few episodes, whose outcome hangs on the start, then make the means.
+    A few episodes with an outcome that is sensitive to their start then dominate the means.
     """
     error, floor = judged.misfit(IMPACT.name)
     return judged.excess > least and error < least * floor
@@ -162,8 +162,8 @@ def is_buried(judged: Judgement, least: float) -> bool:
 def spoilt_channels(judged: Judgement, than: Judgement, settings: SearchSettings) -> tuple[str, ...]:
     """Channels in which one model errs more than another one by an amount that matters.
 
-    A misfit below noise does not count, which a better model may expect to be larger: of episodes, say, whose outcome
-    hangs on the start.  Poses and gaps at impact are compared only if both contacts are integrated, or neither.
+    A misfit below noise does not count, because a better model may predict a larger one, as for episodes sensitive to
+    their start.  Poses and gaps at impact are compared only if both contacts are integrated, or neither.
     """
     noise = replace(than, sigmas={name: max(square, 1.0) for name, square in than.sigmas.items()})
     error, floor = judged.misfit(IMPACT.name)

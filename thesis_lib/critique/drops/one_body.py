@@ -6,12 +6,12 @@ acts there.  With a wrong size s, a displaced centre of mass d (body frame) and 
     g = y + r_y − h       = −s r_y  + d · ∂g,                 ∂g = (sin θ, cos θ)
     τ = k² Δω − r × Δv    = δ k² Δω − d · ∂τ,                 ∂τ = (Δv_y c − Δv_x s, −Δv_y s − Δv_x c)
 
-A surface that slopes by α in the picture adds α x to g, and to τ what its contact point is further along the body.
+A surface that slopes by α in the picture adds α x to g, and shifts the contact point along the body, which changes τ.
 Two bodies have two sets of coefficients, and each *trial* belongs to one body.  Alternating fit and assignment finds
 them.  They count as two if they reduce the scatter by `shrink` and nearly every trial clearly belongs to one.  A
 quantity that drifts, wears, or varies with place or angle is spread evenly instead: two sets then halve its scatter and
-leave trials in between.  Noise alone is split, too, where each of few trials has one impact: what one body explains
-within the noise is one body.
+leave trials in between.  Noise alone is split, too, if few trials have one impact each, so data that one body explains
+within the noise count as one body.
 
 g and τ are fitted in units of their noise.  The limits (`OneBody` of the settings) were tried on every cause of
 `simulate/rig/hidden_causes.py`.  De Veaux (1989) describes a mixture of regressions with one group per trial.
@@ -35,7 +35,7 @@ TURN = 1e-4  # rad, for the change of the contact point with the angle
 
 @dataclass(frozen=True)
 class Groups:
-    """Two bodies: mask `second` over `trials`, coefficients (2, p), scatter with one and with two bodies.
+    """A split into two bodies: mask `second` over `trials`, coefficients (2, p), scatter with one and two bodies.
 
     `margin` is the difference of χ² between the bodies, by trial.
     """
@@ -65,8 +65,8 @@ def refuse_what_is_not_one_body(name: str, o: Observations, limits: OneBody) -> 
         if o.arcs and gravity and value > limits.sideways * gravity:
             raise UserError(
                 f"{name} is not a planar free motion between impacts: in flight the body accelerates {what} by "
-                f"{value:.2g} m/s² (one sigma), {value / gravity:.0%} of gravity, where a body that flies in the plane "
-                "of the camera has none. The body leaves its plane or tumbles out of it, x is not measured along the "
+                f"{value:.2g} m/s² (one sigma), {value / gravity:.0%} of gravity; a body that flies in the plane of "
+                "the camera does not. The body leaves its plane or tumbles out of it, x is not measured along the "
                 "surface, or something holds it. Film along the surface, and keep the body in its plane."
             )
     for kind, groups in (("touch", touch_groups(o)), ("balance", balance_groups(o))):
@@ -86,9 +86,9 @@ def _two_bodies(name: str, kind: str, groups: Groups, o: Observations) -> str:
         what = f"they turn differently under the same impulse (k² {sizes} that of dataset.yaml, {differ})"
     first, second = (_runs(groups.trials[mask]) for mask in (~groups.second, groups.second))
     return (
-        f"{name} holds two bodies, or one that was changed: {np.sum(~groups.second)} trials (trial {first}) "
-        f"and {groups.second.sum()} trials (trial {second}) each fit one body, but not the same: {what}. Two explain "
-        f"{groups.one / groups.two:.0f} times as much as one. Make a dataset of each group, with its own dataset.yaml; "
+        f"{name} contains two bodies, or one that was changed: {np.sum(~groups.second)} trials (trial {first}) and "
+        f"{groups.second.sum()} trials (trial {second}) each fit one body, but not the same: {what}. Two bodies leave "
+        f"{groups.one / groups.two:.0f} times less scatter. Make a dataset of each group, with its own dataset.yaml; "
         "if it was the same body, the camera or the surface was moved between them."
     )
 
@@ -137,9 +137,9 @@ def balance_groups(o: Observations) -> Groups | None:
 
 
 def _slid(o: Observations, theta: np.ndarray) -> list[tuple[np.ndarray, np.ndarray]]:
-    """How much further along the body (x, y), each (n,) in m/rad, the contact point is if the surface slopes.
+    """Shift of the contact point along the body (x, y), each (n,) in m per rad of slope of the surface.
 
-    [] of polygons: their contact points are corners.
+    [] for polygons: their contact points are corners.
     """
     if isinstance(o.rig.shape, Polygon):
         return []

@@ -1,11 +1,11 @@
-"""Restitution that differs from impact to impact, with nothing that is recorded.
+"""Restitution that differs from impact to impact without a recorded cause.
 
-Where something is left that no feature predicts, each impact is given an ε of its own.  With R its residual, S the
-covariance of that from the measured noise and g = ∂R/∂ε,
+If an error remains that no feature predicts, each impact is given its own ε.  With R the residual of an impact, S the
+covariance of R from the measured noise and g = ∂R/∂ε,
 
     δε = − gᵀS⁻¹R / gᵀS⁻¹g,    variance 1 / gᵀS⁻¹g,
 
-what is left has d² = RᵀS⁻¹R − (gᵀS⁻¹R)² / gᵀS⁻¹g.  If its median is that of noise, restitution is all that differs.
+the rest has d² = RᵀS⁻¹R − (gᵀS⁻¹R)² / gᵀS⁻¹g.  If the median of d² is that of noise, only restitution differs.
 """
 
 from dataclasses import dataclass
@@ -21,15 +21,15 @@ from thesis_lib.statistics.spread import robust_std
 STEP = 1e-3  # of ε, for slopes
 UNKNOWN = 1e-4  # (m/s)², for weights where the noise is not known
 FAR = 3.0  # times the noise: the least scatter that is worth a sentence
-LEAST = 10  # impacts whose scatter is judged
-WITHIN = 0.5  # of the scatter of all: that within trials, below which it differs from trial to trial
+LEAST = 10  # impacts, to judge their scatter
+WITHIN = 0.5  # scatter within trials over that of all; below, restitution differs from trial to trial
 
 
 @dataclass(frozen=True)
 class OwnRestitution:
-    """ε (n,) of each single hit with its standard error (n,), and the mean square of what it leaves, over noise.
+    """ε (n,) of each single hit with its standard error (n,), and `left`, the median d² over that of noise.
 
-    `rows` (n,) are their places among the single hits; a hit that does not show restitution has none.
+    `rows` (n,) are indices into the single hits; hits that do not determine restitution are omitted.
     """
 
     rows: np.ndarray
@@ -39,9 +39,9 @@ class OwnRestitution:
     left: float
 
     def differs(self, limit: float) -> str | None:
-        """Name "trial" or "impact", if restitution differs by it and nothing else does; None otherwise.
+        """Return "trial" or "impact" if restitution, and nothing else, differs between these; None otherwise.
 
-        `limit`: of the rest, in units of noise.
+        `limit`: largest rest, in units of noise.
         """
         if len(self.epsilon) < LEAST:
             return None
@@ -57,7 +57,7 @@ class OwnRestitution:
         return "trial" if within < WITHIN * spread else "impact"
 
     def mean(self) -> tuple[float, float]:
-        """ε of all and its standard error, which counts how far impacts and trials differ; NaN where nothing shows it.
+        """Mean ε and its standard error, which includes the scatter of impacts and trials; NaN if unknown.
 
         Impacts of a trial are averaged with their weights, and so are trials; at each level the weights are 1/(σ² + τ²)
         with the scatter τ² beyond σ² by the method of moments (DerSimonian and Laird 1986,
@@ -69,7 +69,7 @@ class OwnRestitution:
 
 
 def _weighted(value: np.ndarray, std: np.ndarray) -> tuple[float, float]:
-    """Mean of values (n,) that scatter beyond their standard errors (n,), and its standard error; NaN: unknown ones."""
+    """Mean of values (n,) that scatter beyond their standard errors (n,; NaN if unknown), and its standard error."""
     n, w = len(value), std**-2.0
     if not np.isfinite(std).all():
         return float(value.mean()), float(value.std(ddof=1) / np.sqrt(n)) if n > 1 else np.nan
@@ -81,7 +81,7 @@ def _weighted(value: np.ndarray, std: np.ndarray) -> tuple[float, float]:
 
 
 def own_restitution(fitted: Fit, observations: Observations) -> OwnRestitution:
-    """An ε for each single hit, all else as fitted; its standard error is NaN if the noise is not known."""
+    """Estimate ε of each single hit, all else as fitted; the standard errors are NaN if the noise is unknown."""
     o, values = observations.single, fitted.values
     if not len(o):  # episodes alone
         return OwnRestitution(np.zeros(0, int), o.trial, np.zeros(0), np.zeros(0), np.inf)
@@ -89,7 +89,7 @@ def own_restitution(fitted: Fit, observations: Observations) -> OwnRestitution:
     here = fitted.on(o)
     moved = Comparison(fitted.model, {**values, "epsilon": values["epsilon"] + inward}, o, (here.before, here.after)).R
     d, m = o.space.dimension, o.space.motions
-    # only a measured angle shows the spin, and the angle where the arcs meet
+    # spin, and continuity of the angle, are known only if the angle is measured
     of_angle = set() if o.rig.has_angle else {*range(d, m), *range(m + d, 2 * m)}
     known = [i for i in range(moved.shape[1]) if i not in of_angle]
     R, g = here.R[:, known], ((moved - here.R) / inward)[:, known]

@@ -1,10 +1,10 @@
-"""Friction with a table: what slows a body down that slides over it between its impacts.
+"""Friction with a table, which slows down a body that slides over it between impacts.
 
     a ← a − a_table (v_x, v_y)/|v|,    a_table = μ_table g
 
 Coulomb friction of a level table acts against the motion of the centre, whatever the speed.  Without gravity in the
-plane of the motion `a_table` is a parameter beside μ and ε, as every table has some: it makes no verdict.  A spin is
-slowed down, too, but by how much depends on where the body rests on the table; here it stays.
+plane of the motion `a_table` is a parameter beside μ and ε, not an effect, because every table has friction.  The spin
+is slowed down, too, but by how much depends on where the body rests on the table; here it stays constant.
 
 | on paper | in code   | unit | shape |                            |
 |----------|-----------|------|-------|----------------------------|
@@ -24,7 +24,7 @@ _SLOWEST = 1e-3  # m/s; slower bodies stand still for a camera
 
 
 class _Table(Effect):
-    """No candidate: it belongs to the model of every body that slides."""
+    """Table friction; not a candidate, because it belongs to the model of every body that slides."""
 
     name = "table"
     family = "flight"
@@ -45,12 +45,12 @@ TABLE = _Table()
 
 
 def of_motion(o: Observations) -> tuple[Effect, ...]:
-    """Effects that act in every model of these observations: sliding friction of the table, where nothing falls."""
+    """Effects in every model of these observations: sliding friction of the table if there is no gravity."""
     return (TABLE,) if o.arcs and o.rig.gravity == 0.0 else ()
 
 
 def require_falling(gravity: float, has_angle: bool, walls: Sequence, what: str) -> None:
-    """Refuse `what` for a motion without gravity, without an angle or between walls; UserError."""
+    """Raise a UserError that `what` needs gravity, a measured angle and no walls, if the motion lacks any of these."""
     lacks = {
         "there is no gravity": not gravity,
         "theta was not measured": not has_angle,

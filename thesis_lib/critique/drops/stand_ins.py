@@ -1,13 +1,13 @@
-"""Effects that contradict what was weighed or measured of the body: they stand in for something else.
+"""Effects that contradict measured properties of the body, and so are only proxies for another cause.
 
-The search knows drops only.  Where dataset.yaml says how well inertia, size or centre of mass are known without any
-drop (`Body.known`), an effect that denies this by
+The search uses drops only.  If dataset.yaml states how well inertia, size or centre of mass are known without any
+drop (`Body.known`), an effect that contradicts this by
 
     N = √(Σ_i (p_i − p_0i)² / (σ_i² + σ²)),    p_0 the nulls, σ_i from the drops, σ as stated
 
 standard errors, N > `contradicts`, is not the cause, however well it predicts.  If the data cannot tell it from an
-effect that denies nothing, that one may be the cause.  Otherwise the cause has no name, and the verdict is
-`unexplained`.  Of a parameter that the drops only bound, p_i is the bound, with σ_i = 0, if it excludes the null, and
+effect that contradicts nothing, that effect may be the cause.  Otherwise the cause is unknown, and the verdict is
+`unexplained`.  For a parameter that the drops only bound, p_i is the bound, with σ_i = 0, if it excludes the null, and
 the null if it does not.
 """
 
@@ -24,7 +24,7 @@ from thesis_lib.effects import EFFECTS
 
 @dataclass(frozen=True)
 class StandIn:
-    """Why an effect cannot be the cause: what it denies, by how many standard errors, and what else may be."""
+    """Why an effect is not the cause: the property it contradicts, the standard errors, and other possible causes."""
 
     denies: str
     standard_errors: float
@@ -32,7 +32,7 @@ class StandIn:
 
 
 def stand_ins(body: Body, steps: Sequence[Step], fitted: Fit, contradicts: float) -> dict[str, StandIn]:
-    """By name, those effects of the final model that contradict what is known of the body by more standard errors."""
+    """Effects of the final model that differ from the known body by over `contradicts` standard errors, by name."""
     found = {}
     for step in steps:
         effect, known = step.effect, body.known(step.effect.denies)

@@ -1,9 +1,9 @@
-"""Episodes that no model can predict from what was measured before them.
+"""Episodes that no model can predict from the measurements before them.
 
 A small error of the angle before a body lands flat decides which corner hits first, and after a few hits nothing is
-left of the prediction.  Such an episode tells nothing about a contact model.  It is left out, before any model is
-chosen, if the noise of the flight before it alone spreads the state after it by more than the share `unpredictable` of
-the change of velocity, as the law of Mirtich predicts it that was fitted to the single hits of the training trials.
+left of the prediction.  Such an episode cannot test a contact model.  It is left out, before any model is chosen, if
+the noise of the flight before it alone spreads the predicted state after it by more than the share `unpredictable` of
+the change of velocity.  The prediction is by Mirtich's law, fitted to the single hits of the training trials.
 """
 
 from dataclasses import replace
@@ -22,9 +22,9 @@ REFERENCE = "mirtich"
 
 
 def predictable(observations: Observations, training: Observations, settings: CritiqueSettings) -> Observations:
-    """`observations` without unpredictable episodes, which join what was left out with the spread in m/s.
+    """`observations` without unpredictable episodes; these are listed as left out, with the spread in m/s.
 
-    Single hits stay.  `training`: the observations of the trials that choices may use.
+    Single hits stay.  `training`: observations of the training trials.
     """
     o = observations
     rows = np.flatnonzero(o.span)

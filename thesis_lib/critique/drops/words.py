@@ -5,18 +5,18 @@ from collections.abc import Mapping, Sequence
 from thesis_lib.critique.drops.features import FEATURES
 from thesis_lib.statistics.wording import listed
 
-AWAY = ("off_wall", "off_surface")  # reasons of hits that say nothing of the surface, in the plane and in space
+AWAY = ("off_wall", "off_surface")  # reasons of hits away from the surface, in the plane and in space
 REASONS = {
     "off_wall": "away from every wall: another body or a hand",
     "off_surface": "away from the surface: a hand, another body, or beyond its edge",
-    "energy_gain": "leaves faster than any impact lets it",
+    "energy_gain": "leaves faster than any impact allows",
     "lost_frames": "long gap: too few samples on a side",
     "second_hit": "second hit too near to tell apart",
     "unpredictable": "hits that the noise of the flight before makes unpredictable",
     "window_too_short": "trial, or a rest, begins or ends too near",
     "stays_down": "the body stays down after the hit",
     "not_ballistic": "no free flight on a side (held, rolling, bad track)",
-    "no_bounce": "the ball seems to bounce higher than before: it rolls, and its turns are misread",
+    "no_bounce": "the ball seems to bounce higher than before: it rolls, and its rotation is misread",
     "no_push": "no push from the surface: noise, or a hit on something else",
     "no_approach": "contact point does not approach (rest, rolling)",
 }

@@ -1,4 +1,4 @@
-"""Drops as a world for the search: laws as bases, testable effects, impacts and flights as data.
+"""Drops as the statistical problem (world) of the search: laws as bases, testable effects, impacts and flights.
 
 Columns of the score test are secants over a parameter's `scale`, because some effects have no slope at their null.
 They include the weights of the t distribution, so that a bad impact counts as little as in the fit.
@@ -54,13 +54,13 @@ from thesis_lib.extensions.registry import added_laws
 from thesis_lib.foundation.forked import each
 from thesis_lib.mechanics.space import Space
 
-# an impulse that takes time, integrated; in space hits are so precise that gravity shows during a contact, and with
-# it its force
+# the integrated form of an impulse that takes time; in space, hits are so precise that gravity during a contact, and so
+# the contact force, matters
 REFINED = RESERVE[:1]
 ONE_LAW = ("mirtich",)
-MOST_IN_SPACE = 12  # effects: hits are so precise that small causes show
-REFITS_IN_SPACE = 49  # each takes seconds, and their mean is as sure as a seventh of it: enough beside a threshold
-ROUNDING = 1e-6  # standard deviations; what changes residuals by less has no slope
+MOST_IN_SPACE = 12  # effects; hits are so precise that small causes show
+REFITS_IN_SPACE = 49  # each takes seconds; the relative error of their mean is then a seventh, enough near a threshold
+ROUNDING = 1e-6  # standard deviations; a smaller change of residuals is not a slope
 
 
 DropsDiscovery = Discovery[Effect, Fit, Judgement]
@@ -75,15 +75,15 @@ class Drops(World[Effect, Fit, Judgement]):
         self.settings = settings or CritiqueSettings()
         self.timed = self.settings.contact_time and observations.arcs
         self.observations, self.rivals = observations, self.settings.rivals
-        # in space hits are so precise that most rigid laws fail by the time that contacts take
+        # in space hits are so precise that most rigid laws fail because contacts take time
         self.asks_reserve_first = self.forgives_rungs = not observations.space.is_plane
         self.most_effects = type(self).most_effects if observations.space.is_plane else MOST_IN_SPACE
         self.refits = type(self).refits if observations.space.is_plane else REFITS_IN_SPACE
         self.always = (*of_motion(observations), *observations.written)
-        # without a lever arm the laws differ in what they call μ alone: one of them stands for all
+        # without a lever arm the laws differ only in the meaning of μ: one of them represents all
         of_space = CANDIDATE_LAWS if self.space.is_plane else LAWS_IN_SPACE
         laws = of_space if observations.rig.has_angle else ONE_LAW
-        # and a friction with a parameter of its own acts on a slip that is known by half
+        # and a friction with its own parameter depends on a slip that is only partly known
         integrated = RESERVE if self.space.is_plane else RESERVE_IN_SPACE
         slow = [name for name in integrated if observations.rig.has_angle or type(BASES[name].force) not in OF_FRICTION]
         added = (name for name in added_laws() if self.space.dimension in BASES[name].dimensions)
@@ -98,7 +98,7 @@ class Drops(World[Effect, Fit, Judgement]):
         return self.observations.space
 
     def model(self, base: str, effects: tuple[Effect, ...] = ()) -> Model:
-        """A base with effects, as it is fitted to these data."""
+        """The model of a base with effects for these data."""
         return Model(BASES[base], effects, self.timed, self.always, self.space)
 
     def fit(
@@ -114,7 +114,7 @@ class Drops(World[Effect, Fit, Judgement]):
         return [self._received(one, parts) for one, parts in zip(asked, sent)]
 
     def _sent(self, fitted: Fit) -> tuple:
-        """What a fit has of its own: a process that was forked sends no model and no data."""
+        """The content of a fit that a forked process sends back: neither model nor data."""
         found, of = fitted.whitening, fitted.whitening.observations
         return fitted.values, fitted.score, found.S, found.sigma_m, found.known, of is self.observations
 
@@ -129,7 +129,7 @@ class Drops(World[Effect, Fit, Judgement]):
         return each(lambda fitted: self.cross_validate(fitted, folds), fits)
 
     def _noise_without(self, model: Model, start: Mapping[str, float] | None) -> Noise | None:
-        """Noise of the quick impacts in a model without its last effect, if `start` is a fit of that; kept."""
+        """Noise of the quick impacts in a model without its last effect, if `start` is a fit of this; cached."""
         smaller = replace(model, effects=model.effects[:-1])
         if start is None or not model.effects or set(start) != set(smaller.parameters):
             return None
@@ -141,7 +141,7 @@ class Drops(World[Effect, Fit, Judgement]):
 
     @cached_property
     def quick(self) -> Observations:
-        """The impacts of quick fits: single hits, for an episode takes fifty times as long; all if these are few."""
+        """The impacts of quick fits: single hits, as an episode takes fifty times as long; all if these are few."""
         single = self.observations.single
         return single if len(single) >= ENOUGH_SINGLE else self.observations
 
@@ -151,7 +151,7 @@ class Drops(World[Effect, Fit, Judgement]):
         best = max(
             sum(map(np.sum, Whitening.at(f.model, f.values, self.quick).log_scores(f.values))) for f in contenders
         )
-        # what all impacts will say, if episodes tell as much as single hits
+        # expected gain of all impacts, if episodes are as informative as single hits
         return float(fitted.score - best) * len(self.observations) / len(self.quick)
 
     def judge(self, fitted: Fit) -> Judgement:
@@ -168,7 +168,7 @@ class Drops(World[Effect, Fit, Judgement]):
         return joined([judge(fit, o.select(trials)) for fit, trials in zip(fits, inside)])
 
     def leaves_an_error(self, judged: Judgement) -> bool:
-        # beside a contact that takes time there is only what is worse, unless it is far from noise
+        # no base is better than a contact that takes time, unless that is far from noise
         is_last = judged.integrated and not self.space.is_plane
         return judged.excess > (self.settings.near_noise if is_last else self.settings.reserve_excess)
 
@@ -189,7 +189,7 @@ class Drops(World[Effect, Fit, Judgement]):
                 return fit(model, self.quick, rigid.values, rounds=2)
             limit = fit(model.limit, self.quick, start, rounds=1)
             gains = limit.score > rigid.score + self.settings.reserve_gain
-            # in space hits and episodes are so precise that no limit says what a contact gains that takes time
+            # in space, data are so precise that the limit does not show the gain of a contact that takes time
             if not self.space.is_plane or refine or is_compliant or gains or turn > self.settings.reserve_turn:
                 return fit(model, self.quick, limit.values, rounds=1)
             return None
@@ -201,32 +201,32 @@ class Drops(World[Effect, Fit, Judgement]):
         fits = []
         for name in REFINED if refine else self.reserve:
             best = max(fits, key=lambda fit: fit.score, default=rigid)
-            # a pressure field loses as Hunt and Crossley's contact does, and takes ten times as long
+            # a pressure field dissipates as Hunt and Crossley's contact does, and takes ten times as long
             if not isinstance(BASES[name].force, PressureField) or isinstance(best.model.law.force, HuntCrossley):
                 fits += filter(None, [fitted_with(name)])
         return fits
 
     def errs_more(self, judged: Judgement, than: Judgement, settings: SearchSettings) -> bool:
-        # the log score forgives a minority that is far off, as hits of two corners may be, and one channel for another
+        # the log score tolerates a minority of large errors, as of hits of two corners, and one channel for another
         return bool(spoilt_channels(judged, than, settings))
 
     def is_vetoed(self, judged: Judgement, than: Judgement, settings: SearchSettings) -> bool:
-        # what slides may have a friction of its own, and a wrong base that of the hits by chance
+        # sliding may have its own friction, which with a wrong base may by chance equal that of the hits
         forgiven = {SLIDE.name} if any(e.channels == (SLIDE.name,) for e in self.candidates.values()) else set()
         near, far = self.settings.near_noise, self.settings.far_from_noise
         if not self.space.is_plane and judged.total > than.total:
             if than.excess > far:
                 return False
-            # of two causes that move the flights, say, the first one found may leave more to the second
+            # of two causes that act on the flights, for example, the first one found may leave more to the second
             forgiven |= {name for name, square in than.sigmas.items() if square > far**2}
         if judged.integrated and settings.matters(than.excess, judged.excess, 1.0):
-            # where a contact ends follows from velocities that were wrong or still are, and was wrong before
+            # the end of a contact follows from velocities that were wrong or still are, and was wrong before
             wrong = (name for name, square in than.sigmas.items() if square > near)
             forgiven |= {name for name in wrong if CHANNELS[name].of_contact and not self.space.is_plane}
         return not forgiven.issuperset(spoilt_channels(judged, than, settings))
 
     def acting_on(self, judged: Judgement, than: Judgement, settings: SearchSettings) -> list[Effect]:
-        spoilt = {*spoilt_channels(judged, than, settings)} - {IMPACT.name}  # velocities are what bases are for
+        spoilt = {*spoilt_channels(judged, than, settings)} - {IMPACT.name}  # velocities are the task of bases
         return [e for e in self.candidates.values() if e.channels and spoilt.issuperset(e.channels)]
 
     def leaves_little(self, fitted: Fit, judged: Judgement, candidate: Effect) -> bool:
@@ -242,11 +242,11 @@ class Drops(World[Effect, Fit, Judgement]):
     def is_material(self, better: Judgement, worse: Judgement, candidate: Effect, settings: SearchSettings) -> bool:
         channels = set(concerned(candidate))
         if self.timed and "touch" in channels:
-            channels.add("impact")  # a contact time that made up for the touch erred in the velocities
+            channels.add("impact")  # a contact time that compensated for the touch spoilt the velocities
         if better.integrated and worse.integrated and "touch" in channels:
             channels.add("meet")  # where a contact begins decides where it ends
         if any(p.of for p in candidate.parameters):
-            channels.add("impact")  # a μ that served slides, too, erred in the velocities
+            channels.add("impact")  # a μ shared with slides spoilt the velocities
         if any(channel_is_material(better, worse, channel, settings) for channel in channels):
             return True
         least = self.settings.buried_excess
@@ -261,7 +261,7 @@ class Drops(World[Effect, Fit, Judgement]):
         return other in self.candidates[candidate].includes
 
     def misjudged(self, candidate: Effect) -> bool:
-        # of several minima the one here may be flat, as that of a friction by speed is where all hits stick
+        # one of several minima may be flat, as for a friction that depends on speed if all hits stick
         parameters = self.model(self.bases[0]).parameters_of(candidate)
         return not self.space.is_plane and any(len(p.starts) > 1 for p in parameters)
 
@@ -286,7 +286,7 @@ class Drops(World[Effect, Fit, Judgement]):
         weights = np.concatenate([np.repeat(weight(z), z.shape[1]) for z in here(fitted.values)])
 
         def slope(whitening: Whitening, values: Mapping[str, float], name: str, step: float) -> np.ndarray:
-            # one by one: points that go together differ by what an iteration leaves, and not by a slope
+            # one by one: points computed together differ by the error of an iteration, not by a slope
             change = whitening.stacked({**values, name: values[name] + step}) - base
             return weights * change / step if np.abs(change).max(initial=0.0) > ROUNDING else 0.0 * change
 
@@ -319,13 +319,13 @@ def testable_effects(observations: Observations, timed: bool) -> tuple[dict[str,
         if rig.space.dimension not in effect.dimensions:
             why_not[name] = f"is not defined in {rig.space.dimension} dimensions"
         elif effect.needs_history and rig.recorded is None:
-            why_not[name] = "no trajectories of whole tosses: it depends on what was before a hit"
+            why_not[name] = "no trajectories of whole tosses: it depends on the motion before a hit"
         elif not effect.applies_to(rig):
             flat = rig.gravity == 0.0 and effect.channels == ("flight",)
             why_not[name] = "there is no gravity" if flat else f"does not apply to a body of shape {_shape_of(rig)}"
         elif effect.needs_angle and not rig.has_angle:
             what = "theta" if rig.space.is_plane else "orientation"
-            why_not[name] = f"{what} is not measured: only the spin shows it, or the unknown spin does the same"
+            why_not[name] = f"{what} is not measured: it shows only in the spin, or an unknown spin has the same effect"
         elif effect.needs_one_surface and rig.walls:
             why_not[name] = "there are walls instead of one surface"
         elif effect.needs_trajectories and not observations.arcs:
@@ -340,6 +340,6 @@ def testable_effects(observations: Observations, timed: bool) -> tuple[dict[str,
 
 
 def _shape_of(rig: Rig) -> str:
-    """The kind of the believed shape, wherever its origin is."""
+    """Kind of the assumed shape, wherever its origin is."""
     shape: Any = rig.shape
     return getattr(shape, "solid", shape).kind

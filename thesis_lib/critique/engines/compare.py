@@ -1,13 +1,13 @@
-"""Which model is right about this object?  Laws and physics engines side by side, without and with the named effects.
+"""Comparison of laws and physics engines on one object, without and with the named effects.
 
-Every model is fitted to the training trials of a critique and judged on its held-out trials, alike.  An engine that
-cannot have one of the effects is fitted without it, and says so.
+Every model is fitted to the training trials of a critique and judged on its held-out trials.  An engine that cannot
+have one of the effects is fitted without it, and the table lists this effect.
 
-In space the law that stands near an engine (`engine_contact.STAND_INS`) resolves the same contact, to a few thousandths
-of the velocity that a hit changes.  It is fitted in the engine's place, which takes minutes instead of hours, and the
-engine is judged on hits with its numbers.  Whole held-out tosses, too, are followed by the law.
+In space each engine has a compliant law (`engine_contact.STAND_INS`) that gives the same contact, to a few thousandths
+of the velocity change of a hit.  The law is fitted instead of the engine, which takes minutes instead of hours, and the
+engine is judged on hits with the parameters of the law.  Whole held-out tosses are also predicted by the law.
 
-Sentences from the table say which model, and why.
+`model_sentences` states which model is best, and why.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -58,10 +58,10 @@ WITHOUT, WITH = "without", "with"
 
 
 def read_models(text: str) -> tuple[str, ...]:
-    """The models of a list as of the command line, "laws,mujoco,drake"; UserError for others, and for no Bullet."""
+    """Names in a list of models, "laws,mujoco,drake"; UserError for unknown ones, or if Bullet is not installed."""
     names = tuple(dict.fromkeys(part.strip() for part in text.split(",") if part.strip()))
     if unknown := [name for name in names if name not in MODELS]:
-        raise UserError(f"--models knows no {', '.join(map(repr, unknown))}; known are {', '.join(MODELS)}.")
+        raise UserError(f"--models: there is no {', '.join(map(repr, unknown))}; known are {', '.join(MODELS)}.")
     if not names:
         raise UserError(f"--models needs at least one of {', '.join(MODELS)}.")
     if "bullet" in names and not find_spec("pybullet"):
@@ -72,7 +72,7 @@ def read_models(text: str) -> tuple[str, ...]:
 
 
 def require_models(dataset: Dataset, names: Sequence[str]) -> None:
-    """UserError if these models cannot be compared on the dataset: before it is criticised, which takes minutes."""
+    """Raise a UserError if the models cannot be compared on the dataset; a critique first would take minutes."""
     walls = (dataset.header.surfaces or ()) if dataset.space.is_plane else ()
     require_falling(dataset.gravity, dataset.has_angle, walls, "--models")
     lacking = [name for name in names if not dataset.space.is_plane and name not in (LAWS, *IN_SPACE)]
@@ -90,18 +90,18 @@ def require_models(dataset: Dataset, names: Sequence[str]) -> None:
 def compare_models(
     critique: DropsCritique, names: Sequence[str], say: Callable[[str], None] = lambda text: None
 ) -> pd.DataFrame:
-    """A row for each model without the named effects, and with them where the critique named some; the best first.
+    """Table of all models without the named effects and, if the critique named some, with them; best first.
 
-    Columns: `COLUMNS`; in m/s error with its 95 % interval, and how far it is behind the best with the same effects,
-    compared impact by impact; `mu_bound`, `epsilon_bound`: lower or upper where there is only a bound; contact time in
-    s at 1 m/s (NaN where contacts are taken as instants: engines then have `engine_contact.INSTANT`); `lacks`:
+    Columns: `COLUMNS`; in m/s error with its 95 % interval, and its excess over the best with the same effects,
+    compared impact by impact; `mu_bound`, `epsilon_bound`: lower or upper if there is only a bound; contact time in
+    s at 1 m/s (NaN if contacts are taken as instants: engines then have `engine_contact.INSTANT`); `lacks`:
     effects that the model cannot have, by name.  In space, for whole tosses, also `position` in % of the width and
     `angle` in degrees, means over the frames of a toss (`simulation.rollout`), with their intervals.  UserError if an
     engine is not installed.
     """
     engines, space = [name for name in names if name in STAND_INS], critique.observations.space
     final = critique.ladder[-1][1]
-    # those of the critique, and what stands at the end
+    # the laws of the critique, and the law of its final model
     laws = dict.fromkeys([*Drops(critique.training, critique.settings).bases, final.base])
     sets = {WITHOUT: (), WITH: final.effects} if final.effects else {WITHOUT: ()}
     source = critique.source
@@ -135,15 +135,15 @@ def compare_models(
 
 
 def whole_tosses(critique: DropsCritique, model: Model, values: Mapping[str, float]) -> dict[str, float]:
-    """What a model in space misses of whole held-out tosses, from their first flights: `OF_TOSSES`, with intervals.
+    """Errors of a model in space on whole held-out tosses, from their first flights: `OF_TOSSES`, with intervals.
 
-    NaN where no first flight is seen.
+    NaN if no first flight is observed.
     """
     from thesis_lib.critique.results.saved_in_space import saved_in_space
     from thesis_lib.critique.simulation.rollout import rolled_out_by
     from thesis_lib.critique.simulation.tosses import toss
 
-    assert critique.source is not None  # as `compare_models` asks
+    assert critique.source is not None  # as `compare_models` requires
     engine = model.law.name.removesuffix(DEFAULT)
     model = replace(model, law=BASES[STAND_INS[engine][0]] if engine in STAND_INS else model.law)
     numbers = {name: {"value": values[name], "std": None, "unit": p.unit} for name, p in model.parameters.items()}
@@ -178,7 +178,7 @@ def _fitted(
 def _default(
     critique: DropsCritique, name: str, effects: tuple[Effect, ...], start: Mapping[str, float]
 ) -> list[EngineFit]:
-    """An engine with its default contact, at its default friction and with the one that suits the training trials
+    """An engine with its default contact, at its default friction and at the friction that suits the training trials
     best; the effects are as the critique fitted them."""
     body = critique.source.header.body if critique.source else None
     values = {**default_values(name, (body.mass if body else None) or MASS), **start}
@@ -188,7 +188,7 @@ def _default(
 
 
 def _judged(critique: DropsCritique, fitted: Fit | EngineFit) -> tuple[dict[str, object], np.ndarray]:
-    """The numbers of a model with its held-out error, and the errors (n,) in m/s."""
+    """Parameters of a model with its mean held-out error, and the errors (n,) in m/s."""
     model, values = fitted.model, fitted.values
     error = held_out_error(model, values, critique.held_out)
     row: dict[str, object] = {"model": model.law.name, "contact_time": np.nan}
@@ -202,7 +202,7 @@ def _judged(critique: DropsCritique, fitted: Fit | EngineFit) -> tuple[dict[str,
 
 
 def best_friction(model: Model, values: Mapping[str, float], observations: Observations) -> float:
-    """The μ with which a model errs least on average, all its other numbers as they are: what is often fitted alone."""
+    """The μ with the least mean error of a model, all other parameters fixed, as friction is often fitted."""
 
     def error(log_mu: float) -> float:
         return float(held_out_error(model, {**values, "mu": float(np.exp(log_mu))}, observations).mean())
@@ -216,7 +216,7 @@ def best_friction(model: Model, values: Mapping[str, float], observations: Obser
 
 
 def held_out_error(model: Model, values: Mapping[str, float], observations: Observations) -> np.ndarray:
-    """Kinetic norm (n,) in m/s of what the model misses of each velocity after impact."""
+    """Error (n,) in m/s, by the kinetic norm, of each predicted velocity after impact."""
     dv = Comparison(model, values, observations).R[:, : observations.space.motions]
     return observations.norm(dv)
 
@@ -250,13 +250,13 @@ def bounded_text(row: Mapping, name: str, digits: int) -> str:
 
 
 def missed_tosses(row: Mapping) -> list[str]:
-    """Position and angle of whole tosses in a row of the table, – where no first flight is seen."""
+    """Texts of the errors of position and angle on whole tosses, in a row of the table; – if unknown."""
     units = {"position": " %", "angle": "°"}
     return [f"{number(row[name])}{unit}" if pd.notna(row[name]) else "–" for name, unit in units.items()]
 
 
 def model_sentences(table: pd.DataFrame) -> list[str]:
-    """Which model errs least; how engines agree on friction; what an engine cannot have."""
+    """Sentences on the model with the least error, on friction in the engines, and on effects that they lack."""
     label = WITH if (table["effects"] == WITH).any() else WITHOUT
     last = table[(table["effects"] == label) & table["kind"].isin(FITTED)]
     best = last.iloc[0]
@@ -275,13 +275,13 @@ def model_sentences(table: pd.DataFrame) -> list[str]:
         if np.isfinite(after):
             second += f" without the named effects, and of {after:.3g} with them"
             if before > ALIKE >= after:
-                second += ": they made up for what was missing"
+                second += ": they compensated for what was missing"
         sentences.append(f"{second}.")
     if np.isfinite(plain := spread(table, WITHOUT, "friction")):
         rows = table[(table["kind"] == "friction") & (table["effects"] == WITHOUT)].to_dict("records")
         each = listed([f"{row['mu']:.2g} in {model_title(row['model'].removesuffix(DEFAULT))}" for row in rows])
         sentences.append(
-            f"With the contact that each has by default, and friction alone fitted, they differ by a factor of "
+            f"With the default contact of each, and only friction fitted, they differ by a factor of "
             f"{plain:.2g}: {each}."
         )
     for row in table[(table["effects"] == label) & (table["kind"] == "default")].to_dict("records"):

@@ -1,8 +1,8 @@
-"""Fit a physics engine to drops in the plane, by the likelihood that laws are fitted by.
+"""Fit a physics engine to drops in the plane, with the same likelihood as laws.
 
-The compliant law that stands near the engine (`engine_contact.STAND_INS`) is fitted first.  It gives the start, and the
-covariance of the residuals, which hang on the law far less than the residuals do.  From there least squares are the
-engine's own, with steps wide enough for its integrator.
+The compliant law that approximates the engine (`engine_contact.STAND_INS`) is fitted first.  It gives the start, and
+the covariance of the residuals, which depends on the law far less than the residuals do.  From there, least squares use
+the engine itself, with steps wide enough for its integrator.
 """
 
 from collections.abc import Mapping
@@ -18,8 +18,8 @@ from thesis_lib.critique.likelihood.levenberg_marquardt import NEAR, levenberg_m
 from thesis_lib.critique.likelihood.observations import Observations
 from thesis_lib.critique.likelihood.whitening import Whitening, robust, transformed
 
-STEP = 5e-3  # of a parameter's scale, for slopes; an engine's own rounding is below a tenth of what that changes
-ROUNDS = 2  # of the scatter beyond noise, unless it stays, within this factor as a logarithm, or is far below noise
+STEP = 5e-3  # of a parameter's scale, for slopes; an engine's own rounding is below a tenth of the change
+ROUNDS = 2  # updates of the scatter beyond noise; one, if its logarithm changes less than this, or if it is negligible
 SETTLED, NEGLIGIBLE = 0.2, 1e-3  # 1, m/s
 NO_PRIOR = np.zeros(0)
 
@@ -28,7 +28,7 @@ NO_PRIOR = np.zeros(0)
 class EngineFit:
     """An engine fitted to drops; `values` and standard errors `std` by full parameter name.
 
-    `bounds` are those of parameters of which the drops give no more (`likelihood.bounds`); their `std` is NaN.
+    `bounds` are of the parameters that the drops only bound (`likelihood.bounds`); their `std` is NaN.
     """
 
     model: Model
@@ -38,7 +38,7 @@ class EngineFit:
 
 
 def fit_engine(name: str, near: Fit, observations: Observations) -> EngineFit:
-    """Fit the engine `name` with the effects of `near`, its stand-in fitted to the same observations.
+    """Fit the engine `name` with the effects of `near`, the fit of its compliant law to the same observations.
 
     Standard errors are those of least squares with the measured noise and the scatter.  UserError if the engine is not
     installed or fails.

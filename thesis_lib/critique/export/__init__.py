@@ -1,1 +1,1 @@
-"""A fitted model as a file of a physics engine: MJCF, SDF or URDF, written new or patched into a user's own."""
+"""Export of a fitted model to a physics engine: MJCF, SDF or URDF, as a new file or as a patch of a user's file."""

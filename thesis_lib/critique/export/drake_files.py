@@ -1,9 +1,9 @@
-"""A body and its surface as SDF or URDF, with Drake's own elements for contact.
+"""SDF and URDF files of a body and its surface, with Drake's own elements for contact.
 
-Drake's point contact is one point for a pair of geometries, also where a face lies on the surface.  So a box or a hull
-touches with a sphere at each corner, small or with the radius of its edges, as is usual in Drake; a box itself is there
-to be seen.  The surface is a half-space in SDF, and a thick box in URDF, which has none.  Spring, dissipation and
-friction stand with body and surface alike, because Drake mixes those of a pair.
+Drake's point contact uses one point per pair of geometries, even if a face lies on the surface.  So a box or a hull
+touches with a sphere at each corner, small or with the radius of its edges, as is usual in Drake; the box itself is
+only a visual.  The surface is a half-space in SDF, and a thick box in URDF, which has no half-space.  Body and surface
+have the same stiffness, dissipation and friction, because Drake combines the values of both.
 """
 
 from dataclasses import replace
@@ -29,28 +29,28 @@ WIDE, THICK = 20.0, 1.0  # m, of the box that is the surface in URDF
 
 
 def numbers(solid: ExportedBody, of: int) -> DrakeNumbers:
-    """The contact of a body that touches in so many points."""
+    """Return Drake's contact parameters for a body that touches in `of` points."""
     return drake_numbers(solid.mu, solid.epsilon, solid.contact_time, mass=solid.mass, points=of, speed=solid.speed)
 
 
 def contact_story(solid: ExportedBody, of: int) -> list[str]:
-    """Where stiffness and dissipation come from, and how the engine differs from the law."""
+    """Return comment lines: the source of stiffness and dissipation, and how the engine differs from the law."""
     speed = solid.speed or REFERENCE_SPEED
     lines = [
-        f"hunt_crossley_dissipation, point_contact_stiffness: that restitution and contact time at {speed:g} m/s,",
-        f"  of {of} contact point{'s' * (of > 1)} that share the load, with the same numbers in both bodies;",
-        "  Drake's epsilon falls with the speed; it needs a plant in continuous time (time_step = 0), or one",
-        "  in steps of few microseconds that uses dissipation (lagged, similar)",
+        f"hunt_crossley_dissipation, point_contact_stiffness: give this restitution and contact time at {speed:g} m/s,",
+        f"  with {of} contact point{'s' * (of > 1)} sharing the load and the same numbers in both bodies;",
+        "  Drake's epsilon falls with the speed; use a plant in continuous time (time_step = 0), or with steps of",
+        "  a few microseconds and a contact approximation that uses dissipation (lagged, similar)",
     ]
     if solid.model.law == "pressure_field_contact":
-        lines.append("the law of the fit is a pressure field (hydroelastic): written as point contact")
+        lines.append("the fitted law is a pressure field (hydroelastic): it is written as point contact")
     elif not solid.model.law.startswith("hunt_crossley"):
-        lines.append(f"the law of the fit, {solid.model.law.replace('_', ' ')}, is another contact than Drake's")
+        lines.append(f"the fitted law, {solid.model.law.replace('_', ' ')}, differs from Drake's contact")
     return lines
 
 
 def sdf(solid: ExportedBody) -> str:
-    """The file as SDF, a world with two models."""
+    """Return the SDF file, a world with two models."""
     of, tree = solid.points, _Tree("sdf", version="1.9")
     made = numbers(solid, of)
     world = tree.add(tree.root, "world", name="drops")
@@ -69,7 +69,7 @@ def sdf(solid: ExportedBody) -> str:
 
 
 def urdf(solid: ExportedBody) -> str:
-    """The file as URDF, a robot whose surface is fixed to the world."""
+    """Return the URDF file, a robot whose surface is fixed to the world."""
     of, tree = solid.points, _Tree("urdf", name="drops")
     made = numbers(solid, of)
     tree.add(tree.root, "link", name="world")
@@ -85,14 +85,14 @@ def urdf(solid: ExportedBody) -> str:
 
 
 class _Tree:
-    """A new file; numbers stand in attributes of URDF and in elements of their own in SDF."""
+    """A new file; numbers are attributes in URDF, and separate elements in SDF."""
 
     def __init__(self, target: str, **attributes: str) -> None:
         self.target = target
         self.root = etree.Element(ROOTS[target], attributes, nsmap={"drake": NAMESPACE[target]})
 
     def add(self, parent: Element, tag: str, text: str = "", **attributes: str) -> Element:
-        """A new last child; Drake's own tags begin with "drake:"."""
+        """Append and return a child; Drake's own tags begin with "drake:"."""
         prefix, _, name = tag.rpartition(":")
         child = etree.SubElement(parent, f"{{{NAMESPACE[self.target]}}}{name}" if prefix else tag, attributes)
         child.text = text or None
@@ -106,7 +106,7 @@ class _Tree:
                 self.add(element, name, value)
 
     def pose(self, element: Element, at: Frame) -> None:
-        """Where an element is, its turn as roll, pitch, yaw in rad."""
+        """Append the pose of an element, with the rotation as roll, pitch, yaw in rad."""
         turn = n(Rotation.from_quat(at.attitude, scalar_first=True).as_euler("xyz"))
         if self.target == "urdf":
             self.add(element, "origin", xyz=n(at.origin), rpy=turn)
@@ -127,7 +127,7 @@ class _Tree:
         self.values(self.add(self.add(element, "geometry"), own + solid.kind), **sizes)
 
     def number(self, element: Element, tag: str, value: float) -> None:
-        """A new last child that holds one number."""
+        """Append a child with one number."""
         self.add(element, tag, **{"value" if self.target == "urdf" else "text": n(value)})
 
     def contact(self, collision: Element, made: DrakeNumbers) -> None:
@@ -136,19 +136,19 @@ class _Tree:
             self.number(properties, f"drake:{name}", value)
 
     def text(self, said: list[str]) -> str:
-        """The file, headed by a comment."""
+        """Return the file, with a comment at its head."""
         etree.indent(self.root)
         return f'<?xml version="1.0"?>\n{comment(said)}\n{etree.tostring(self.root, encoding="unicode")}\n'
 
 
 def _body(tree: _Tree, link: Element, solid: ExportedBody, made: DrakeNumbers) -> None:
-    """Inertia, what is seen, and what touches."""
+    """Append inertia, visuals and collisions to a link."""
     inertial = tree.add(link, "inertial")
     tree.pose(inertial, Frame(solid.centre, UPRIGHT))
     tree.number(inertial, "mass", solid.mass)
     tree.values(tree.add(inertial, "inertia"), **{name: n(solid.inertia[at]) for name, at in ENTRIES.items()})
     for part in solid.parts(at_corners=True):
-        if isinstance(part.solid, Hull):  # its corners touch; no format has the hull itself without another file
+        if isinstance(part.solid, Hull):  # its corners touch; SDF and URDF cannot contain the hull itself
             continue
         element = tree.add(link, "collision" if part.touches else "visual", name=part.name)
         tree.pose(element, part.at)
@@ -158,7 +158,7 @@ def _body(tree: _Tree, link: Element, solid: ExportedBody, made: DrakeNumbers) -
 
 
 def drake_elements(made: DrakeNumbers) -> dict[str, float]:
-    """Drake's elements of contact with their values."""
+    """Return the names of Drake's contact elements with their values."""
     return {
         "mu_static": made.friction,
         "mu_dynamic": made.friction,

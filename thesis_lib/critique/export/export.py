@@ -1,6 +1,6 @@
-"""Write a fitted model for an engine: a new file, or the numbers in a user's own.
+"""Write a fitted model for a physics engine: as a new file, or into one body of a user's file.
 
-A new file is whole in itself.  A patched one is the user's, but for the numbers of one body.
+A new file is complete in itself.  A patched file is the user's file, except for the numbers of one body.
 """
 
 from dataclasses import dataclass
@@ -22,7 +22,7 @@ WRITERS = {"mjcf": mjcf.mjcf, "sdf": drake_files.sdf, "urdf": drake_files.urdf}
 
 @dataclass(frozen=True)
 class Exported:
-    """The file's content, and lines for the terminal: what it holds or what changed, and what it could not hold."""
+    """Content of the file, and lines for the terminal on effects or changes in it, and on those it cannot express."""
 
     content: bytes
     held: tuple[str, ...]
@@ -30,20 +30,20 @@ class Exported:
 
 
 def exported(model: SavedModel, target: str, *, mass: float | None = None, depth: float | None = None) -> Exported:
-    """A new file; UserError for an unknown format, a depth or mass that cannot be, a prism too thin."""
+    """Return a new file; UserError for an unknown format, an invalid depth or mass, or a prism that is too thin."""
     made = body_of(model, target, mass, depth)
     held = tuple(f"{name}: {where}" for name, where in made.expressed)
     left = [f"{name}: {why}" for name, why in made.left_out]
     if not made.mass_known:
-        left.append("mass: a model knows none; 1 kg was written (--mass KG)")
+        left.append("mass: not part of a model; 1 kg was written (use --mass KG)")
     if not made.time_known:
-        left.append("contact time: impacts without trajectories show none; 1 ms was written")
+        left.append("contact time: not identifiable from impacts without trajectories; 1 ms was written")
     left += only_bounds(model)
     return Exported(WRITERS[target](made).encode(), held, tuple(left))
 
 
 def body_of(model: SavedModel, target: str, mass: float | None = None, depth: float | None = None) -> ExportedBody:
-    """The body of a model for a format; errors as of `exported`."""
+    """Return the body of a model for the format `target`; errors as for `exported`."""
     if target not in FORMATS:
         raise UserError(f"There is no format {target!r}; known are {', '.join(FORMATS)}.")
     if isinstance(model, SavedSpaceModel):
@@ -64,24 +64,24 @@ def patched(
     points: int | None = None,
     surface: str = "",
 ) -> Exported:
-    """A user's file with the model's numbers in one body.
+    """Return a user's file with the model's numbers written into one body.
 
     Args:
-        mass: kg; None: that of the file.
+        mass: kg; None: the mass in the file.
         depth: m across the plane, for a body without inertia.
         plane: axes of the body that are x and y of planar drops, by default "xz".
-        points: in which an edge of the body touches; None: by its geometry, in space one.
+        points: number of points in which an edge of the body touches; None: by its geometry, in space one.
         surface: link of the surface (SDF, URDF), which gets the same contact.
 
     Raises:
-        UserError: the file cannot be read, is of another format, or lacks the body or what a patch needs of it.
+        UserError: the file cannot be read, has another format, or lacks the body or an element that a patch needs.
     """
     if plane is not None and not model.space.is_plane:
-        raise UserError("--plane is for planar models: in space the frame of your body must be that of the shape.")
+        raise UserError("--plane is for planar models: in space, your body must have the same frame as the shape.")
     if points is not None and points < 1:
         raise UserError(f"--points must be 1 or more; got {points}.")
     if surface and target == "mjcf":
-        raise UserError("--surface is for SDF and URDF: MuJoCo takes the numbers of the geom with priority alone.")
+        raise UserError("--surface is for SDF and URDF: MuJoCo uses only the numbers of the geom with priority.")
     own = Patch(file, BodyAxes(("xz" if plane is None else plane) if model.space.is_plane else None))
     of_file = patch_mjcf.mass_in(own, body) if target == "mjcf" else patch_drake.mass_in(own, body, target)
     if mass is None and of_file is not None and not of_file > 0.0:
@@ -92,12 +92,12 @@ def patched(
     else:
         patch_drake.patch(own, body, made, target, points, surface)
     if not made.time_known:
-        own.left.append("contact time: impacts without trajectories show none; 1 ms was written")
+        own.left.append("contact time: not identifiable from impacts without trajectories; 1 ms was written")
     own.left.extend(only_bounds(model))
     return Exported(own.content(), tuple(own.changed), tuple(own.left))
 
 
 def write(made: Exported, path: str | Path) -> None:
-    """Write the file, whole or not at all."""
+    """Write the file atomically: completely or not at all."""
     with atomic(path) as part:
         part.write_bytes(made.content)

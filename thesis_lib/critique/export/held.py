@@ -1,10 +1,10 @@
-"""Which effect of a model the file of an engine can hold, where in it, and why not the others."""
+"""Which effects of a model the file of an engine can express, in which element, and why it cannot express others."""
 
 from thesis_lib.effects import EFFECTS
 from thesis_lib.mechanics.space import Space
 
 GEOMETRY = "geometry of the body"
-# what every format holds
+# effects that every format can express
 _EVERYWHERE = {
     "com_offset": "centre of mass of the inertia",
     **dict.fromkeys(("wrong_inertia", "inertia_ratios", "inertia_axes"), "inertia"),
@@ -15,9 +15,9 @@ _EVERYWHERE = {
 }
 _IGNORED = "gravity of the world, which Drake ignores: set it in the plant"
 _NO_GRAVITY = "URDF has no gravity: set it where you load the file"
-_DRAG = "no element of the format damps a free body with one number for its way and another for its spin"
+_DRAG = "no element of the format damps translation and rotation of a free body with separate coefficients"
 _AIR = {
-    "mjcf": "MuJoCo's forces of a fluid act on an ellipsoid around the body with five coefficients; not written",
+    "mjcf": "MuJoCo's fluid forces act on an ellipsoid around the body, with five coefficients; not written",
     "sdf": "SDF and Drake have no air",
     "urdf": "URDF and Drake have no air",
 }
@@ -27,15 +27,15 @@ _TIME = "the format has one stiffness for a pair of bodies"
 _WHY = {
     "adhesion": "contacts of the engine push and never pull",
     "anisotropic_friction": "friction may differ between two axes in the format, not between left and right on one",
-    "contact_torque": "rolling friction of the engine takes its couple from the cone of its friction, or is absent",
+    "contact_torque": "the engine's rolling friction is limited by its friction cone, or absent",
     "tangential_compliance": "the engine's contact has no spring along the surface",
-    "tangential_restitution": "the engine's friction ends slip and returns none",
-    "contact_point_offset": "the engine finds the contact point from the geometry",
-    "soft_body": "a point contact acts at the surface of one geometry; a soft solid is hydroelastic, not written here",
-    "moving_surface": "a velocity is a state, not a property of a model: give the surface its velocity when you run it",
+    "tangential_restitution": "the engine's friction stops slip and does not reverse it",
+    "contact_point_offset": "the engine determines the contact point from the geometry",
+    "soft_body": "point contact acts at a rigid surface; a soft solid needs hydroelastic contact, which is not written",
+    "moving_surface": "a velocity is a state, not part of a model file: set the surface velocity in your simulation",
     **dict.fromkeys(("linear_drag", "spin_damping"), _DRAG),
     **dict.fromkeys(
-        ("wear", "later_friction", "later_restitution"), "a file says what is, not how it changes from hit to hit"
+        ("wear", "later_friction", "later_restitution"), "a file has constant numbers, which cannot change between hits"
     ),
     "sliding_friction": "the format has one coefficient of friction for hits and slides",
     "torsional_friction": "a point contact of Drake has no couple about its normal",
@@ -53,12 +53,12 @@ _WHY = {
     ),
     "surface_patch": "one surface has one friction and one restitution: add a geometry for the patch by hand",
 }
-_ELLIPSE = "an ellipse of friction lies along axes of the contact that the engine chooses, or is a circle"
+_ELLIPSE = "the engine chooses the axes of the friction ellipse, or its friction is isotropic"
 _CAMERA = "a fault of the camera, not of body or surface: correct the recorded states before you compare"
 
 
 def written(name: str, target: str, space: Space) -> str:
-    """Where the file of a format holds an effect; "" if it cannot."""
+    """Return which element of a format expresses an effect; "" if none can."""
     is_gravity = name == "wrong_gravity" or (name == "surface_tilt" and not space.is_plane)
     if is_gravity and target != "mjcf":
         return _IGNORED if target == "sdf" else ""
@@ -68,7 +68,7 @@ def written(name: str, target: str, space: Space) -> str:
 
 
 def reason(name: str, target: str, space: Space) -> str:
-    """Why the file of a format cannot hold an effect."""
+    """Return the reason why a format cannot express an effect."""
     effect = EFFECTS[name]
     if effect.family == "measurement":
         return _CAMERA

@@ -1,8 +1,8 @@
-"""A body and its surface as MJCF, for MuJoCo.
+"""MJCF file of a body and its surface, for MuJoCo.
 
-A hull is a mesh.  Where edges are round, what touches are balls at the corners, and the solid itself is there to be
-seen only.  The contact has the impedance that was fitted, or else is a spring and a damper of their own, with
-`priority`, so that the surface's numbers do not mix in.
+A hull is a mesh.  A solid with round edges touches with balls at its corners, and is itself only visible.  The contact
+has the fitted impedance; without one, it acts as a spring and a damper that do not depend on the mass.  It has
+`priority`, so MuJoCo does not average its parameters with those of the surface.
 """
 
 import numpy as np
@@ -12,16 +12,16 @@ from thesis_lib.critique.contacts.contact_time import EDGE_ANGLE
 from thesis_lib.critique.export.solid import UPRIGHT, ExportedBody, Part, comment, n, story
 from thesis_lib.engines.parameters import MujocoNumbers, mujoco_numbers
 
-IMPEDANCE = 0.01  # where none was fitted; near 0 the force depends on depth and rate alone, as materials have it
-IMPRATIO = 10.0  # where no damping ratio of friction was fitted: slip decays within a tenth of the contact
-# in one contact time, by Runge-Kutta: the touch falls anywhere in a step, and the damper acts late by half of one.
-# 50 steps move the velocity after an impact by 8 mm/s, 200 by 1 mm/s
+IMPEDANCE = 0.01  # if none was fitted; near 0 the force depends on depth and rate alone, as in real materials
+IMPRATIO = 10.0  # if no damping ratio of friction was fitted: slip decays within a tenth of the contact
+# Runge-Kutta steps in one contact time: the touch falls anywhere within a step, so the damper acts half a step late.
+# This changes the velocity after an impact by 8 mm/s with 50 steps, by 1 mm/s with 200
 STEPS = 200
 UNSEEN = 'contype="0" conaffinity="0"'
 
 
 def numbers(solid: ExportedBody, of: int) -> MujocoNumbers:
-    """The contact of a body that touches in so many points."""
+    """Return MuJoCo's contact parameters for a body that touches in `of` points."""
     ratio = IMPRATIO if solid.damping_ratio is None else solid.damping_ratio
     return mujoco_numbers(
         solid.mu,
@@ -36,31 +36,31 @@ def numbers(solid: ExportedBody, of: int) -> MujocoNumbers:
 
 
 def cone(solid: ExportedBody) -> str:
-    """MuJoCo's cone of friction that the contact needs."""
+    """Return MuJoCo's friction cone that the contact needs."""
     return "pyramidal" if solid.on_pyramid else "elliptic"
 
 
 def contact_story(solid: ExportedBody, of: int) -> list[str]:
-    """Where solref, solimp and impratio come from, and how the engine differs from the law."""
+    """Return comment lines: the source of solref, solimp and impratio, and how the engine differs from the law."""
     ratio = "fitted (damping_ratio)" if solid.damping_ratio is not None else "not fitted"
     ratio = "1 on a pyramid" if solid.on_pyramid else ratio
     lines = [
-        f"solref, solimp: that restitution and contact time, of {of} contact point{'s' * (of > 1)} that share it;",
-        "  MuJoCo's contact is a spring and a damper: off the centre epsilon is less, at any speed the same",
-        f"solimp: {'fitted (impedance)' if solid.impedance else 'not fitted: a spring and a damper of their own'}",
+        f"solref, solimp: give this restitution and contact time, with {of} contact point{'s' * (of > 1)};",
+        "  MuJoCo's contact is a spring and a damper: epsilon is smaller off the centre, and the same at any speed",
+        f"solimp: {'fitted (impedance)' if solid.impedance else 'not fitted: spring and damper, whatever the mass'}",
         f"impratio: damping of the slip over that of the normal force, {ratio}",
         f"timestep: {STEPS} steps in one contact time",
     ]
     if solid.on_pyramid:
         angle = f"{solid.model.values[EDGE_ANGLE.name]:.3g} rad about the normal from the first axis of the surface"
-        lines.append(f"the edges of the pyramid were fitted at {angle}; MuJoCo lays them along axes of its world")
+        lines.append(f"the edges of the pyramid were fitted at {angle}; MuJoCo aligns them with the axes of its world")
     if solid.model.law not in ("convex_contact", "pyramid_contact", "damped_contact"):
-        lines.append(f"the law of the fit, {solid.model.law.replace('_', ' ')}, is another contact than MuJoCo's")
+        lines.append(f"the fitted law, {solid.model.law.replace('_', ' ')}, differs from MuJoCo's contact")
     return lines
 
 
 def mjcf(solid: ExportedBody) -> str:
-    """The file."""
+    """Return the MJCF file."""
     of = solid.points
     made = numbers(solid, of)
     I, parts = solid.inertia, solid.parts(at_corners=False)

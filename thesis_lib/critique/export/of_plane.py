@@ -1,10 +1,10 @@
-"""The body in space that a planar model stands for.
+"""The three-dimensional body that corresponds to a planar model.
 
 The plane of the drops is the x-z plane of the body: planar (x, y) is (x, z), θ turns about −y, and the body is `depth`
-deep along y.  Drops show one moment of inertia, m k² about y.  The other two are those of a uniform solid of this shape
-and depth, all scaled by one factor so that the moment about y is right; so they always belong to some body.
+deep along y.  Drops determine one moment of inertia, m k² about y.  The whole tensor is that of a uniform solid of this
+shape and depth, scaled by one factor to give the right moment about y; it is therefore always physically possible.
 
-The surface leans by the tilt φ: its normal is (sin φ, 0, cos φ).
+The surface is inclined by the tilt φ: its normal is (sin φ, 0, cos φ).
 """
 
 from dataclasses import replace
@@ -21,14 +21,14 @@ from thesis_lib.mechanics.frame import Frame
 from thesis_lib.mechanics.space import of_rotation_vector
 
 MOST_DEPTH = 100.0  # m
-ALIGNED = 1e-9  # m, how far corners may be from those of a box
+ALIGNED = 1e-9  # m, largest distance of corners from the corners of a box
 
 
 def planar_body(model: SavedModel, target: str, mass: float | None = None, depth: float | None = None) -> ExportedBody:
-    """The body of a planar model for the format `target`.
+    """Return the body of a planar model for the format `target`.
 
     Args:
-        mass: kg; None: `NO_MASS`, as a model knows only the radius of gyration.
+        mass: kg; None: `NO_MASS`, because a model contains only the radius of gyration.
         depth: m along y; None: the longest extent in the plane.
 
     Raises:
@@ -48,11 +48,11 @@ def planar_body(model: SavedModel, target: str, mass: float | None = None, depth
     G = at.vectors_out(at.vectors_out(uniform.moments.inertia_per_mass).T)
     k = model.rig.radius_of_gyration * float(np.sqrt(1.0 + of("wrong_inertia.d_I")))
     solid, seen = uniform, None
-    if isinstance(shape, Disk) and target == "urdf":  # Drake iterates for a cylinder on a box and does not get on
+    if isinstance(shape, Disk) and target == "urdf":  # Drake's iteration for a cylinder on a box stalls
         solid, seen = Sphere(radius=size * shape.radius), uniform
     if isinstance(solid, Box | Hull) and (rho := of("rounded_corners.rho")):
         if rho >= 0.5 * depth:
-            raise UserError(f"--depth {depth:g} is too thin for corners of {rho:g} m radius; give more.")
+            raise UserError(f"--depth {depth:g} is too thin for corners of {rho:g} m radius; give a larger depth.")
         solid = solid.rounded(min(rho, solid.inradius))
     leans = "its normal leans by {:.6g} rad towards the x of the drops"
     tilt, height = of("surface_tilt.phi"), model.rig.height + of("surface_height.h")
@@ -75,11 +75,11 @@ def planar_body(model: SavedModel, target: str, mass: float | None = None, depth
             "axes: the plane of the drops is x-z; theta turns about -y; units m, kg, s, rad",
             "origin of the body: the believed centre of mass, as in the dataset",
             f"shape: as in dataset.yaml{' times 1 + wrong_size.s' if 'wrong_size' in model.effects else ''}",
-            f"depth along y: {depth:g} m, stated, not measured",
+            f"depth along y: {depth:g} m, assumed, not measured",
             mass_said(mass),
             f"inertia: about y m k^2 with k = {k:.6g} m"
             + (" (fitted)" if "wrong_inertia" in model.effects else " (as in dataset.yaml)")
-            + "; the others as of a uniform solid, scaled alike",
+            + "; the other moments as for a uniform solid, scaled by the same factor",
         ),
         not_patched={
             "wrong_size": f"geometry is not patched: scale it by {size:.6g}",
@@ -92,7 +92,7 @@ def planar_body(model: SavedModel, target: str, mass: float | None = None, depth
 
 
 def _deep(shape: Shape, depth: float) -> tuple[Solid, Frame]:
-    """The uniform solid of a shape with this depth in m along y, and its pose in the body."""
+    """Return the uniform solid of a shape with `depth` in m along y, and its pose in the body."""
     half, here = 0.5 * depth, Frame(np.zeros(3), UPRIGHT)
     if isinstance(shape, Ellipse):
         a, b = shape.semi_axes
@@ -107,7 +107,7 @@ def _deep(shape: Shape, depth: float) -> tuple[Solid, Frame]:
 
 
 def _box(shape: Polygon) -> tuple[np.ndarray, np.ndarray] | None:
-    """Centre and half sides (2,) in m of a rectangle along the axes of the body; None for other shapes."""
+    """Return centre and half sides (2,) in m of a rectangle along the axes of the body; None for other shapes."""
     corners = shape.corners
     low, high = corners.min(axis=0), corners.max(axis=0)
     off = np.minimum(np.abs(corners - low), np.abs(corners - high)).max()

@@ -1,12 +1,12 @@
-"""The body of a model in space: what dataset.yaml says of it, corrected by the effects of the model.
+"""The body of a model in space: the body that dataset.yaml describes, corrected by the effects of the model.
 
-The axes of the world are those of the recording, the frame of the body is that of the shape.  With c_0 the believed
-centre of mass, and s, ρ, h of `wrong_size`, `rounded_corners` and `surface_height`,
+World axes are the axes of the recording; the body frame is the frame of the shape.  With c_0 the believed centre of
+mass, and s, ρ, h the parameters of `wrong_size`, `rounded_corners` and `surface_height`,
 
-    shape      all lengths times 1 + s about c_0, then edges with ρ more
-    inertia    m G, G as the model's flights and contacts have it
-    gravity    the acceleration of a body at rest, as the model's flights have it
-    surface    h further along its normal
+    shape      all lengths times 1 + s about c_0, then edge radii increased by ρ
+    inertia    m G, with G from the flights and contacts of the model
+    gravity    the acceleration of a body at rest, as in the flights of the model
+    surface    shifted by h along its normal
 """
 
 from dataclasses import replace
@@ -23,26 +23,26 @@ from thesis_lib.mechanics.frame import Frame
 from thesis_lib.mechanics.space import SPACE
 from thesis_lib.mechanics.state import State
 
-NO_ROUND_CYLINDER = "no format has a cylinder with round edges: they are sharp in the file, and have a radius of {:g} m"
+NO_ROUND_CYLINDER = "no format has a cylinder with round edges: the file has sharp edges in place of a radius of {:g} m"
 OF_INERTIA = ("wrong_inertia", "inertia_ratios", "inertia_axes")
-BARELY = 1e-9  # by which the largest moment stays below the sum of the others
+BARELY = 1e-9  # relative margin by which the largest moment stays below the sum of the others
 
 
 def body_in_space(
     model: SavedSpaceModel, target: str, mass: float | None = None, depth: float | None = None
 ) -> ExportedBody:
-    """The body of a model in space for the format `target`.
+    """Return the body of a model in space for the format `target`.
 
     Args:
-        mass: kg; None: that of dataset.yaml, or else `NO_MASS`.
-        depth: of planar models.
+        mass: kg; None: the mass in dataset.yaml, or else `NO_MASS`.
+        depth: must be None; it is for planar models.
 
     Raises:
-        UserError: the mass is not positive, a depth is given, or the fitted numbers are those of no body.
+        UserError: the mass is not positive, a depth is given, or no body can have the fitted numbers.
     """
     require_size("mass", mass)
     if depth is not None:
-        raise UserError(f"--depth is for planar models; {model.dataset or 'this model'} is one of a body in space.")
+        raise UserError(f"--depth is for planar models; {model.dataset or 'this model'} describes a body in space.")
     body, dynamics = model.rig.body, model.dynamics
     known = mass or body.mass
     fitted = ", ".join(name for name in OF_INERTIA if name in model.effects)
@@ -74,8 +74,8 @@ def body_in_space(
         gravity=gravity,
         surface=surface,
         said=(
-            "axes: those of the recording; units m, kg, s, rad",
-            "frame of the body: that of the shape, as in dataset.yaml",
+            "axes: as in the recording; units m, kg, s, rad",
+            "frame of the body: the frame of the shape, as in dataset.yaml",
             f"shape: {body.shape.kind} as in dataset.yaml{size}"
             + (f", edges of {radius:g} m" if radius and not isinstance(solid, Cylinder) else ""),
             "mass: as in dataset.yaml" if mass is None and body.mass else mass_said(mass),
@@ -91,30 +91,30 @@ def body_in_space(
 
 
 def _corrected(solid: Solid, s: float, rho: float) -> tuple[Solid, float]:
-    """The solid as the model has it, and the radius of its edges in m."""
+    """Return the solid corrected by size error s and rounding ρ, and the radius of its edges in m."""
     if not isinstance(solid, Edged):
         return solid.scaled(1.0 + s), 0.0
     sharp, inside = solid.rounded(0.0).scaled(1.0 + s), solid.inradius
     assert isinstance(sharp, Edged)
-    # rounding adds as much as it does to the believed solid
+    # rounding adds the same radius as it adds to the believed solid
     radius = (1.0 + s) * solid.edge_radius + min(solid.edge_radius + rho, inside) - solid.edge_radius
     radius = min(radius, sharp.inradius)
     return sharp.rounded(radius), radius
 
 
 def _pull(dynamics: ByImpulse) -> np.ndarray:
-    """Acceleration (3,) in m/s² of a body at rest over the surface, in its axes: air acts on none such."""
+    """Return the acceleration (3,) in m/s² of a body at rest, in axes of the surface; air has no effect on it."""
     rest = State.of(np.array([[0.0, 0.0, 1.0, *UPRIGHT]]), np.zeros((1, 6)), np.zeros(1), np.zeros(1), None, SPACE)
     return dynamics.true_acceleration(rest)[0, :3]
 
 
 def _possible(G: np.ndarray) -> tuple[np.ndarray, str]:
-    """The tensor (3, 3) in m², its largest moment made that of a flat body if no body has it, and a sentence then."""
+    """Return the tensor (3, 3) in m², with its largest moment limited to that of a flat body, and why if limited."""
     moments, axes = np.linalg.eigh(G)
     most = (1.0 - BARELY) * (moments[0] + moments[1])
     if moments[2] <= most:
         return G, ""
     said = ", ".join(f"{moment:.6g}" for moment in moments)
-    why = f"no body has the fitted principal moments per mass, {said} m^2: the last is above the sum of the others"
+    why = f"no body has the fitted principal moments per mass, {said} m^2: the last exceeds the sum of the others"
     moments[2] = most
     return (axes * moments) @ axes.T, f"{why}, which was written"

@@ -1,13 +1,13 @@
-"""Shared by all patches: the user's file, the plane of the drops in its body, the tensor of inertia, the report.
+"""Common parts of all patches: the user's file, the plane of the drops in its body, the inertia tensor, the report.
 
-A patch writes numbers that the drops have shown into one body of a file that exists: mass (if given), inertia, centre
-of mass, friction, contact.  It leaves geometry, surface, gravity and options as they are, and says so where the model
-has something about them.  In space the tensor becomes that of the model, and the frame of the body must be that of the
-shape.  Of planar drops the moment about the axis across the plane becomes m k²; as they show no other, the whole tensor
-of the file is scaled by that factor, so that it stays that of a body.
+A patch writes numbers identified from the drops into one body of an existing file: mass (if given), inertia, centre of
+mass, friction, contact.  It leaves geometry, surface, gravity and options as they are, and reports them if the model
+differs.  For a model in space, the tensor becomes that of the model, and the body must have the frame of the shape.
+For a planar model, the moment about the axis across the plane becomes m k²; as planar drops determine no other moment,
+the whole tensor of the file is scaled by the same factor, which keeps it physically possible.
 
-Document types are refused: what they declare (entities) could unfold to gigabytes or open other files, and no engine's
-file needs them.  Nothing that the file names is opened.
+Document types are refused: the entities that they declare could expand to gigabytes or open other files, and no
+engine's file needs them.  Files that the user's file refers to are not opened.
 """
 
 from collections.abc import Iterable, Sequence
@@ -23,24 +23,24 @@ from thesis_lib.foundation.command_line import near
 from thesis_lib.foundation.errors import UserError, first_line
 from thesis_lib.foundation.regular_file import read_bytes
 
-LARGEST = 20_000_000  # bytes; a humanoid's file has 0.1 MB, one with meshes in it a few
+LARGEST = 20_000_000  # bytes; a humanoid's file has 0.1 MB, a file that contains meshes a few MB
 SAME = 1e-9  # m
 
 
 @dataclass(frozen=True)
 class BodyAxes:
-    """Axes of the user's body that are x and y of planar drops, as "xz"; None in space, where all are the shape's."""
+    """Axes of the user's body that are x and y of planar drops, as "xz"; None in space, where the frames are equal."""
 
     axes: str | None
 
     def __post_init__(self) -> None:
         axes = "xz" if self.axes is None else self.axes
         if len(axes) != 2 or len(set(axes)) != 2 or not set(axes) <= set("xyz"):
-            raise UserError(f"--plane must be two different letters of x, y and z, as xz; got {self.axes!r}.")
+            raise UserError(f"--plane must be two different letters of x, y and z, such as xz; got {self.axes!r}.")
 
     @property
     def indices(self) -> list[int]:
-        """Of the axes of `ExportedBody` that the drops show, among those of the body."""
+        """Indices of the body's axes that lie in the plane of the drops; in space, of all axes."""
         return ["xyz".index(letter) for letter in self.axes or "xyz"]
 
     @property
@@ -50,11 +50,11 @@ class BodyAxes:
 
     @property
     def order(self) -> list[int]:
-        """Where each axis of `ExportedBody`, whose plane is x-z, lies among those of the body."""
+        """Index of the body's axis for each axis of `ExportedBody`, whose plane is x-z."""
         return self.indices if self.across is None else [self.indices[0], self.across, self.indices[1]]
 
     def turned(self, array: np.ndarray) -> np.ndarray:
-        """A vector (3,) or tensor (3, 3) of `ExportedBody` in the axes of the body."""
+        """Return a vector (3,) or tensor (3, 3) of `ExportedBody` in the axes of the body."""
         new = np.empty_like(array)
         new[np.ix_(*[self.order] * array.ndim)] = array
         return new
@@ -75,24 +75,24 @@ class Patch:
         except etree.XMLSyntaxError as error:
             reason = error.msg.split(", line")[0]
             raise UserError(
-                f"{path} is not XML: {reason} in line {error.lineno}; check it, or give the model's own file."
+                f"{path} is not XML: {reason} in line {error.lineno}; check it, or name the file of your model."
             ) from error
         if self.root.getroottree().docinfo.doctype:
-            raise UserError(f"{path} has a document type (<!DOCTYPE ...>); remove it, no model needs one.")
+            raise UserError(f"{path} has a document type (<!DOCTYPE ...>); remove it: no model needs it.")
         try:
             self._source = Source(content, self.root)
         except (LookupError, ValueError) as error:
             raise UserError(f"{path} cannot be patched ({first_line(error)}); save it as UTF-8.") from error
 
     def content(self) -> bytes:
-        """The file: what was not edited is as it was, to the byte."""
+        """Return the file; parts that were not edited are unchanged to the byte."""
         return self._source.content()
 
     def where(self, element: Element) -> str:
         return f"{self.path}, line {element.sourceline}"
 
     def named(self, elements: Iterable[Element], name: str, what: str) -> Element:
-        """The element of this name; UserError with those that there are."""
+        """Return the element of this name; the UserError for an unknown name lists the known names."""
         by_name: dict[str, list[Element]] = {}
         for one in elements:
             by_name.setdefault(one.get("name", ""), []).append(one)
@@ -106,9 +106,9 @@ class Patch:
         return found[0]
 
     def numbers(self, element: Element | None, attribute: str = "", count: int = 0) -> list[float]:
-        """Numbers of an attribute, or of the text; none of what is missing.
+        """Return the numbers of an attribute, or of the text; empty if either is missing.
 
-        UserError if they are not finite, or if there are not `count` of them.
+        UserError if they are not finite, or if their number is not `count`.
         """
         said = None if element is None else element.get(attribute) if attribute else element.text
         try:
@@ -118,13 +118,13 @@ class Patch:
         if element is not None:
             where = f"{self.where(element)}: <{etree.QName(element).localname}>"
             if not all(abs(value) < 1e300 for value in values):
-                raise UserError(f"{where} {attribute}={(said or '')[:60]!r} holds no finite numbers.")
+                raise UserError(f"{where} {attribute}={(said or '')[:60]!r} must be finite numbers.")
             if count and len(values) != count:
                 raise UserError(f"{where} needs {count} number(s) in {attribute or 'its text'}.")
         return values
 
     def write(self, what: str, values: Sequence[float], element: Element, attribute: str = "") -> None:
-        """Write numbers into an attribute, or as the text, and report them."""
+        """Write numbers into an attribute, or as the text, and report the change."""
         old = self.numbers(element, attribute)
         if old and n(*old) == n(*values):
             return
@@ -135,54 +135,54 @@ class Patch:
             element.text = n(*values)
 
     def remove(self, element: Element, attribute: str) -> None:
-        """Remove an attribute that would contradict what is written, and report it."""
+        """Remove an attribute that would contradict the written numbers, and report the change."""
         self.changed.append(f"{attribute} of <{element.tag}>: {element.attrib.pop(attribute)} -> none")
 
     def insert(self, parent: Element, tag: str) -> Element:
-        """A new first child, on a line of its own if the others have such."""
+        """Insert and return a first child, on a separate line if the other children are."""
         parent.insert(0, new := etree.Element(tag, nsmap=parent.nsmap | self._prefixes))
         return new
 
     def child(self, parent: Element, tag: str) -> Element:
-        """The first child of this tag; a new last one if there is none, on a line of its own like all others then."""
+        """Return the first child with this tag; if there is none, append one, on a separate line if the others are."""
         return etree.SubElement(parent, tag) if (found := parent.find(tag)) is None else found
 
     def declare(self, prefix: str, namespace: str) -> None:
-        """Declare the namespace of what will be added, at the root."""
+        """Declare at the root the namespace of the elements that will be added."""
         self._prefixes = {prefix: namespace}
         self._source.declare(prefix, namespace)
 
     def inertia(self, old: np.ndarray, R: np.ndarray, solid: ExportedBody, where: str) -> np.ndarray:
-        """What the tensor (3, 3) of a file becomes, in axes that R turns into those of the body; of planar drops the
-        same times the factor that makes m k² of the moment across the plane.  UserError if it has none there."""
+        """Return the new tensor (3, 3) for a file, in axes that R maps to the body's axes; for planar drops the `old`
+        tensor, scaled to the moment m k² across the plane.  UserError if `old` has no positive moment there."""
         if self.plane.across is None:
             return R.T @ solid.inertia @ R
         here = (R @ old @ R.T)[self.plane.across, self.plane.across]
         if not here > 0.0:
             raise UserError(
-                f"{where} has no positive moment of inertia about {'xyz'[self.plane.across]}; mend it first."
+                f"{where} has no positive moment of inertia about {'xyz'[self.plane.across]}: correct it first."
             )
         return self.plane.turned(solid.inertia)[self.plane.across, self.plane.across] / here * old
 
     def moved(self, position: Sequence[float], solid: ExportedBody) -> list[float]:
-        """The place of the centre of mass with the fitted offset; the same place if none was fitted."""
+        """Return the position of the centre of mass with the fitted offset; unchanged if none was fitted."""
         place, true = list(position), self.plane.turned(solid.centre)
         if "com_offset" in solid.model.effects:
             for i in self.plane.indices:
                 place[i] = float(true[i])
         elif max(abs(place[i] - true[i]) for i in self.plane.indices) > SAME:
             believed = n(*(true[i] for i in self.plane.indices))
-            self.left.append(f"centre of mass: stays at {n(*place)}; in the drops it was believed at {believed}")
+            self.left.append(f"centre of mass: stays at {n(*place)}; the critique of the drops assumed {believed}")
         return place
 
     def sharing(self, places: Iterable[Sequence[float]]) -> int:
-        """Most of the places (3,) that stand behind each other across the plane, and share the load."""
+        """Return the largest number of places (3,) that lie behind each other across the plane, and share the load."""
         flat = [tuple(np.round([place[i] for i in self.plane.indices], 9)) for place in places]
         return max(flat.count(one) for one in flat)
 
 
 def not_patched(solid: ExportedBody) -> list[str]:
-    """Properties of the model that a patch leaves alone, and those that no file can hold."""
+    """Return lines on properties of the model that a patch does not change, and on those that no file can express."""
     held = [f"{name}: {said}" for name, said in solid.not_patched.items() if name in solid.model.effects]
     of_geometry = (*solid.not_patched, "edge_radius")
     return [*held, *(f"{name}: {why}" for name, why in solid.left_out if name not in of_geometry)]

@@ -1,9 +1,9 @@
 """Patch a link of an SDF or URDF file: `<inertial>`, and Drake's contact elements of its collisions.
 
-Drake mixes friction, stiffness and dissipation of the two bodies in a contact.  The numbers are those that both must
-have, so the surface's link can be patched with it; only its contact changes then.
+Drake combines friction, stiffness and dissipation of the two bodies in a contact.  The numbers written are for both
+bodies, so the link of the surface can be patched as well; only its contact elements change.
 
-Numbers stand in attributes of URDF and in the text of SDF.
+Numbers are attributes in URDF and element texts in SDF.
 """
 
 import numpy as np
@@ -19,7 +19,7 @@ LEVEL = 1e-9  # of the largest moment: smaller products of inertia are rounding
 
 
 def mass_in(file: Patch, name: str, target: str) -> float | None:
-    """The mass of a link in kg; None without one."""
+    """Return the mass of a link in kg; None if the link has no mass."""
     values = file.numbers(_link(file, name, target).find("inertial/mass"), _value(target))
     return values[0] if values else None
 
@@ -27,12 +27,12 @@ def mass_in(file: Patch, name: str, target: str) -> float | None:
 def patch(
     file: Patch, name: str, solid: ExportedBody, target: str, points: int | None = None, surface: str = ""
 ) -> None:
-    """Make the edits in a file of the format `target`; `points` as in `patch_mjcf`, `surface`: a link with the same."""
+    """Edit a file of the format `target`; `points` as in `patch_mjcf`, `surface`: a link that gets the same contact."""
     link = _link(file, name, target)
     _inertial(file, link, solid, target)
     collisions = link.findall("collision")
     if not collisions:
-        raise UserError(f"{file.path}: the link {name!r} has no collision; name the link that touches.")
+        raise UserError(f"{file.path}: the link {name!r} has no collision; name the link that touches the surface.")
     if "drake" not in file.root.nsmap:
         file.declare("drake", NAMESPACE[target])
     # each collision touches in one point
@@ -40,12 +40,12 @@ def patch(
     made = drake_files.numbers(solid, points or (1 if file.plane.across is None else file.sharing(places)))
     others = _link(file, surface, target).findall("collision") if surface else []
     if surface and not others:
-        raise UserError(f"{file.path}: the surface's link {surface!r} has no collision.")
+        raise UserError(f"{file.path}: the link of the surface, {surface!r}, has no collision.")
     for collision in (*collisions, *others):
         _contact(file, collision, drake_files.drake_elements(made), target)
     if not surface:
         file.left.append(
-            "contact of the surface: Drake mixes both bodies' numbers; name its link (--surface), or give it the same"
+            "contact of the surface: Drake combines the numbers of both; name its link (--surface), or give it the same"
         )
     file.left += not_patched(solid)
 
@@ -56,7 +56,7 @@ def _value(target: str) -> str:
 
 def _link(file: Patch, name: str, target: str) -> Element:
     if file.root.tag != ROOTS[target]:
-        raise UserError(f"{file.path} is not a file of {target.upper()}: it begins with <{file.root.tag}>.")
+        raise UserError(f"{file.path} is not in {target.upper()} format: it begins with <{file.root.tag}>.")
     return file.named(file.root.iter("link"), name, "link")
 
 
@@ -64,7 +64,7 @@ def _inertial(file: Patch, link: Element, solid: ExportedBody, target: str) -> N
     inertial, mass, inertia = (link.find(f"inertial{tag}") for tag in ("", "/mass", "/inertia"))
     where = f"{file.where(link)}: the link"
     if inertial is None or mass is None or inertia is None:
-        raise UserError(f"{where} has no <inertial> with <mass> and <inertia>; add them, then patch.")
+        raise UserError(f"{where} has no <inertial> with <mass> and <inertia>; add these before you patch the file.")
     values = file.numbers(mass, _value(target))
     if not values:
         raise UserError(f"{where} has an empty <mass>.")
@@ -100,23 +100,23 @@ def _contact(file: Patch, collision: Element, elements: dict[str, float], target
         properties = file.insert(collision, f"{drake}proximity_properties")
     for name, value in elements.items():
         file.write(f"{which}: {name}", [value], file.child(properties, drake + name), _value(target))
-    # what other readers take for friction
+    # friction elements of other simulators
     for name in ("mu", "mu2"):
         if (old := collision.find(f"surface/friction/ode/{name}")) is not None:
             file.write(f"{which}: ode {name}", [elements["mu_dynamic"]], old)
 
 
 def _pose(file: Patch, element: Element, target: str) -> tuple[list[float], list[float]]:
-    """Place in m, and roll, pitch, yaw in rad, of what has `<pose>` or `<origin>`."""
+    """Return position in m, and roll, pitch, yaw in rad, of an element with `<pose>` or `<origin>`."""
     if target == "urdf":
         origin = element.find("origin")
         place, turn = (file.numbers(origin, name) or [0.0] * 3 for name in ("xyz", "rpy"))
     else:
         pose = element.find("pose")
         if pose is not None and {"relative_to", "degrees", "rotation_format"} & set(pose.attrib):
-            raise UserError(f"{file.where(pose)}: write this <pose> as x y z roll pitch yaw, without more.")
+            raise UserError(f"{file.where(pose)}: write this <pose> as x y z roll pitch yaw, without attributes.")
         numbers = file.numbers(pose) or [0.0] * 6
         place, turn = numbers[:3], numbers[3:]
     if len(place) != 3 or len(turn) != 3:
-        raise UserError(f"{file.where(element)}: the pose of <{element.tag}> needs three and three numbers.")
+        raise UserError(f"{file.where(element)}: the pose of <{element.tag}> needs x y z and roll pitch yaw.")
     return place, turn

@@ -1,7 +1,7 @@
 """Patch a body of an MJCF file: `<inertial>`, and friction, solref, solimp of its geoms and of pairs with them.
 
-Geoms get `priority`, so that MuJoCo takes their friction and solref in a contact, and does not mix in the surface's.
-Classes and files that the model includes are not looked into: what is written stands in the elements themselves.
+Geoms get `priority`, so MuJoCo uses their friction and solref in a contact, without averaging with the surface.
+Classes and included files are not read: all numbers are written into the elements themselves.
 """
 
 import numpy as np
@@ -21,18 +21,18 @@ _FULL = (*_DIAGONAL, (0, 1), (0, 2), (1, 2))
 
 
 def mass_in(file: Patch, name: str) -> float | None:
-    """The mass of a body in kg; None without `<inertial>`."""
+    """Return the mass of a body in kg; None without `<inertial>`."""
     values = file.numbers(_body(file, name).find("inertial"), "mass")
     return values[0] if values else None
 
 
 def patch(file: Patch, name: str, solid: ExportedBody, points: int | None = None) -> None:
-    """Make the edits; `points` in which the body touches, None: by its geoms."""
+    """Edit the file; `points`: number of points in which the body touches; None: by its geoms."""
     body = _body(file, name)
     _inertial(file, body, solid)
     geoms = [geom for geom in body.findall("geom") if not geom.get("contype") == geom.get("conaffinity") == "0"]
     if not geoms:
-        raise UserError(f"{file.path}: the body {name!r} has no geom that touches anything; name the body that has.")
+        raise UserError(f"{file.path}: the body {name!r} has no geom that can touch; name the body with such a geom.")
     made = mjcf.numbers(solid, points or points_of(file, geoms, solid))
     for geom in geoms:
         _contact(file, geom, made, solid.twist)
@@ -45,7 +45,7 @@ def patch(file: Patch, name: str, solid: ExportedBody, points: int | None = None
 
 
 def points_of(file: Patch, geoms: list[Element], solid: ExportedBody) -> int:
-    """Points that share the load: both ends of an edge, or geoms that stand behind each other across the plane."""
+    """Return how many points share the load: the two ends of an edge, or geoms one behind another across the plane."""
     if solid.points == 1 and (file.plane.across is None or len(geoms) == 1):
         return 1
     if all(geom.get("type", "sphere") in ("sphere", "ellipsoid") for geom in geoms):
@@ -60,7 +60,7 @@ def _body(file: Patch, name: str) -> Element:
         return file.named(file.root.iterfind("worldbody//body"), name, "body")
     except UserError as error:
         if file.root.find(".//include") is not None:
-            raise UserError(f"{error} It includes other files; give the one with the body.") from error
+            raise UserError(f"{error} It includes other files; name the file that contains the body.") from error
         raise
 
 
@@ -70,7 +70,7 @@ def _inertial(file: Patch, body: Element, solid: ExportedBody) -> None:
     inertial = body.find("inertial")
     if inertial is None:
         if not solid.mass_known:
-            raise UserError(f"{file.path}: the body has no <inertial>, so its mass is not known here; give --mass.")
+            raise UserError(f"{file.path}: the body has no <inertial>, so its mass is not known; give --mass.")
         I, place = file.plane.turned(solid.inertia), file.plane.turned(solid.centre)
         inertial = file.insert(body, "inertial")
         file.write("centre of mass", list(place), inertial, "pos")
@@ -84,11 +84,11 @@ def _inertial(file: Patch, body: Element, solid: ExportedBody) -> None:
         file.write("centre of mass", place, inertial, "pos")
     where = f"{file.where(inertial)}: <inertial>"
     if turned := [attribute for attribute in TURNED if attribute in inertial.attrib]:
-        raise UserError(f"{where} has {turned[0]}; write its inertia as fullinertia in the axes of the body.")
+        raise UserError(f"{where} has {turned[0]}; write the inertia as fullinertia in the axes of the body.")
     attribute, entries = ("fullinertia", _FULL) if "fullinertia" in inertial.attrib else ("diaginertia", _DIAGONAL)
     old = file.numbers(inertial, attribute)
     if len(old) != len(entries):
-        raise UserError(f"{where} has neither three numbers of diaginertia nor six of fullinertia.")
+        raise UserError(f"{where} needs three numbers in diaginertia or six in fullinertia.")
     tensor = np.zeros((3, 3))
     for (i, j), value in zip(entries, old):
         tensor[i, j] = tensor[j, i] = value
@@ -114,8 +114,8 @@ def _contact(file: Patch, geom: Element, made: MujocoNumbers, twist: float) -> N
 
 
 def _numbers(file: Patch, which: str, element: Element, made: MujocoNumbers, twist: float, slides: int) -> None:
-    """The contact of a geom or a pair, whose friction begins with that of so many directions along the surface, and
-    goes on with that about the normal."""
+    """Write the contact of a geom or a pair; its friction begins with `slides` coefficients along the surface,
+    followed by the coefficient about the normal."""
     rest = file.numbers(element, "friction")[slides:]
     friction = [made.friction] * slides + ([twist, *rest[1:]] if twist else rest)
     for attribute, values in (("friction", friction), ("solref", made.solref), ("solimp", made.solimp)):
@@ -125,7 +125,7 @@ def _numbers(file: Patch, which: str, element: Element, made: MujocoNumbers, twi
 
 
 def _options(file: Patch, solid: ExportedBody, made: MujocoNumbers) -> list[str]:
-    """Options of the whole file that the fitted contact needs, and that it does not have."""
+    """Return the options that the fitted contact needs and that the file does not have."""
     options = {name: value for one in file.root.findall("option") for name, value in one.attrib.items()}
     coarsest, asked = solid.contact_time / COARSEST, []
     try:
@@ -135,7 +135,7 @@ def _options(file: Patch, solid: ExportedBody, made: MujocoNumbers) -> list[str]
     if step > coarsest:
         asked.append(f"option timestep {n(step)}: a contact of {n(solid.contact_time)} s needs {n(coarsest)} or less")
     if (has := options.get("cone", "pyramidal")) != (wanted := mjcf.cone(solid)):
-        asked.append(f'option cone {has}: friction is that of the model with cone="{wanted}" only')
+        asked.append(f'option cone {has}: friction is as in the model only with cone="{wanted}"')
     if abs(ratio - made.impratio) > 1e-6 * made.impratio:
-        asked.append(f'option impratio {n(ratio)}: the contact was made for impratio="{n(made.impratio)}"')
+        asked.append(f'option impratio {n(ratio)}: the contact was computed for impratio="{n(made.impratio)}"')
     return asked

@@ -1,14 +1,14 @@
-"""A body over its surface in space, as an engine's file describes it; and the comments that name its origin.
+"""A body over its surface in space, as an engine's file describes it, and comments on the origin of its numbers.
 
-A model in the plane becomes such a body in `thesis_lib/critique/export/of_plane.py`, one in space in
-`thesis_lib/critique/export/of_space.py`.
+`thesis_lib/critique/export/of_plane.py` makes such a body from a planar model,
+`thesis_lib/critique/export/of_space.py` from a model in space.
 
 | on paper | in code          | unit  | shape  |                                                              |
 |----------|------------------|-------|--------|--------------------------------------------------------------|
 | c        | `centre`         | m     | (3,)   | true centre of mass in the frame of the body                 |
 | I        | `inertia`        | kg m² | (3, 3) | about the centre of mass, in the axes of the body            |
 | T        | `contact_time`   | s     |        | of a central contact                                         |
-| m_t      | `twist`          | m     |        | torsional friction: most of the couple over the normal force |
+| m_t      | `twist`          | m     |        | torsional friction: largest couple over the normal force     |
 | g        | `gravity`        | m/s²  | (3,)   | in the axes of the world                                     |
 """
 
@@ -30,17 +30,17 @@ from thesis_lib.mechanics.frame import Frame
 from thesis_lib.statistics.wording import bounded
 
 FORMATS = ("mjcf", "sdf", "urdf")
-NO_MASS = 1.0  # kg, of a model whose mass nobody gave
-NO_TIME = 1e-3  # s, of a contact whose time no trajectory shows
-LIMITS = {"mu": (0.0, np.inf), "epsilon": (0.01, 1.0)}  # of what an engine can hold: no damper goes lower
+NO_MASS = 1.0  # kg, if the mass is unknown
+NO_TIME = 1e-3  # s, if no trajectory determines the contact time
+LIMITS = {"mu": (0.0, np.inf), "epsilon": (0.01, 1.0)}  # range that engines can represent: no damper reaches a lower ε
 SHARP = 1e-6  # m; radius of the sphere at a sharp corner
-UPRIGHT = np.array([1.0, 0.0, 0.0, 0.0])  # no turn
+UPRIGHT = np.array([1.0, 0.0, 0.0, 0.0])  # no rotation
 Left = tuple[tuple[str, str], ...]
 
 
 @dataclass(frozen=True)
 class Part:
-    """A solid of a body, with its pose in it; one that does not `touch` is there to be seen."""
+    """A solid of a body, with its pose in the body; a solid without `touches` is only visible."""
 
     name: str
     solid: Solid
@@ -53,16 +53,16 @@ class ExportedBody:
     """A body over its surface.
 
     Attributes:
-        shape: what touches, at the pose `at` in the body; `seen` in its place, if that is another solid.
-        mass_known: whether anybody gave it, as `time_known`.
-        points: in which the body touches and that share what is asked of one.
+        shape: solid that touches, at the pose `at` in the body; `seen`: solid shown instead, if another.
+        mass_known, time_known: whether mass and contact time are known, rather than set to a default.
+        points: number of points in which the body touches and that share the load.
         estimate: MuJoCo's estimate of the inverse mass, times the mass, for which an impedance was fitted.
         surface: its normal is the third axis.
-        speed: m/s, that of ε; None if ε holds at any.
+        speed: m/s, at which ε holds; None if ε holds at any speed.
         damping_ratio, impedance: None if they were not fitted.
         said: lines of the comment about axes, shape, mass and inertia.
-        not_patched: what a patch leaves alone, by effect, and what it would have to be.
-        expressed, left_out: by name, what the file holds and what it cannot.
+        not_patched: by effect, a line on what a patch leaves unchanged, and the correct value.
+        expressed, left_out: (name, text) of the effects that the file expresses, and of those that it cannot.
     """
 
     model: SavedModel
@@ -92,12 +92,12 @@ class ExportedBody:
 
     @property
     def normal(self) -> np.ndarray:
-        """The surface's normal (3,)."""
+        """Normal (3,) of the surface."""
         return self.surface.vectors_out(np.array([[0.0], [0.0], [1.0]]))[:, 0]
 
     @property
     def start(self) -> np.ndarray:
-        """A place (3,) in m of the body in which it touches the surface, with its axes along those of the world."""
+        """Position (3,) in m at which the body, its axes parallel to those of the world, touches the surface."""
         down = -self.normal[:, None]
         reach = self.at.vectors_out(self.shape.support(self.at.vectors_in(down)))[:, 0] + self.at.origin
         return self.surface.origin - (reach @ self.normal) * self.normal
@@ -108,7 +108,7 @@ class ExportedBody:
         return isinstance(self.model.model.law.force, PyramidDamper)
 
     def parts(self, at_corners: bool) -> list[Part]:
-        """The solids of the body; `at_corners`: a box or a hull touches with balls also where its corners are sharp."""
+        """Return the solids of the body; `at_corners`: a box or a hull touches with balls at sharp corners, too."""
         found = [] if self.seen is None else [Part("seen", self.seen, self.at, touches=False)]
         shape = self.shape
         if not isinstance(shape, Box | Hull) or not (shape.edge_radius or at_corners):
@@ -120,7 +120,7 @@ class ExportedBody:
 
 
 def contact_of(model: SavedModel, target: str) -> dict:
-    """Fields of `ExportedBody` that every body has: its contact, and the effects of its model."""
+    """Return the fields of `ExportedBody` common to all bodies: the contact, and the effects of the model."""
     values, space = model.values, model.space
     held, left_out = _held(model)
     time, speed = _contact_time(model, held["epsilon"])
@@ -128,9 +128,9 @@ def contact_of(model: SavedModel, target: str) -> dict:
     if "stiction_tolerance" in values:
         left_out.append(("stiction_tolerance", "a property of Drake's plant: plant.set_stiction_tolerance(...)"))
     if DAMPING_RATIO.name in values and target != "mjcf":
-        left_out.append((DAMPING_RATIO.name, "the friction of a convex program; Drake's is Coulomb's"))
+        left_out.append((DAMPING_RATIO.name, "friction of a convex program; Drake has Coulomb friction"))
     if IMPEDANCE.name in values and target != "mjcf":
-        left_out.append((IMPEDANCE.name, "MuJoCo's alone: Drake's spring and damper do not know the mass behind them"))
+        left_out.append((IMPEDANCE.name, "specific to MuJoCo: Drake's spring and damper do not depend on the mass"))
     if model.scatter:
         left_out.append(("scatter", f"{model.scatter:g} m/s after impact that no effect explains"))
     return {
@@ -148,25 +148,25 @@ def contact_of(model: SavedModel, target: str) -> dict:
 
 
 def require_size(name: str, value: float | None, most: float = np.inf) -> None:
-    """UserError unless a size that a user gave is positive and below `most`, in m if that is finite."""
+    """Raise UserError unless a user's value is positive and below `most`, in m if `most` is finite."""
     if value is not None and not 0.0 < value < most:
         raise UserError(f"--{name} must be a positive number{'' if most == np.inf else ' in m'}; got {value}.")
 
 
 def _held(model: SavedModel) -> tuple[dict[str, float], list[tuple[str, str]]]:
-    """μ and ε as an engine can hold them, and what to say of each that was fitted beyond."""
+    """Return μ and ε within the range of an engine, and a text on each whose fitted value lies outside."""
     held, beyond = {}, []
     for name, limits in LIMITS.items():
         fitted = model.values.get(name, 0.0)
         held[name] = float(np.clip(fitted, *limits))
         if held[name] != fitted:
             than = "less" if fitted < held[name] else "more"
-            beyond.append((name, f"fitted as {fitted:g}, {than} than an engine can hold; {held[name]:g} was written"))
+            beyond.append((name, f"fitted as {fitted:g}, {than} than engines can have; {held[name]:g} was written"))
     return held, beyond
 
 
 def _contact_time(model: SavedModel, epsilon: float) -> tuple[float, float | None]:
-    """T in s of a central contact (0 if unknown), and the speed in m/s at which ε and T hold (None: any)."""
+    """Return T in s of a central contact (0 if unknown), and the speed in m/s at which ε and T hold (None: any)."""
     tau = model.values.get(CONTACT_TIME.name, 0.0)
     force = model.model.law.force
     speed = SPEED if isinstance(force, HuntCrossley) else None
@@ -177,20 +177,20 @@ WIDTH = 110  # characters of a comment's line
 
 
 def n(*values: float | np.ndarray) -> str:
-    """Numbers as they stand in a file: nine digits, no negative zero."""
+    """Return numbers as text for a file: nine digits, no negative zero."""
     flat = np.concatenate([np.ravel(value) for value in values])
     return " ".join(f"{value + 0.0:.9g}" for value in np.where(np.abs(flat) < 1e-15, 0.0, flat))
 
 
 def comment(lines: Iterable[str], indent: str = "") -> str:
-    """An XML comment; what would end it early is broken up, what does not print is escaped."""
+    """Return an XML comment; double hyphens are broken up, and unprintable characters escaped."""
     safe = [" ".join(visible(line).split("\n")).replace("--", "- -").rstrip("-") for line in lines]
     wrapped = [part for line in safe for part in textwrap.wrap(line, WIDTH, subsequent_indent="    ") or [""]]
     return "\n".join([f"{indent}<!--", *(f"{indent}  {line}".rstrip() for line in wrapped), f"{indent}-->"])
 
 
 def only_bounds(model: SavedModel) -> list[str]:
-    """Parameters of which the drops give only a bound, with the values written in their place."""
+    """Return lines on parameters for which the drops give only a bound, with the values written instead."""
     return [
         f"{name}: {bounded(p.model_dump())}; {model.values[name]:g} is used"
         for name, p in model.parameters.items()
@@ -205,22 +205,22 @@ def _sized(p: SavedParameter) -> str:
 
 
 def mass_said(solid_mass: float | None) -> str:
-    """The comment on a mass that somebody gave, or nobody."""
+    """Return the comment on the mass, given or unknown."""
     return f"mass: {'as given' if solid_mass is not None else f'{NO_MASS:g} kg, as no mass was given'}"
 
 
 def story(solid: ExportedBody, engine: Sequence[str]) -> list[str]:
-    """Where each number comes from, what the file holds and what it cannot; `engine`: how its contact is made."""
+    """Return comment lines: the source of each number, effects in the file and left out; `engine`: on its contact."""
     m = solid.model
     held = [f"  {name}: {where}" for name, where in solid.expressed] or ["  (none)"]
     left = [f"  {name}: {why}" for name, why in solid.left_out] or ["  (nothing)"]
     fitted = ", ".join(f"{name} {_sized(p)}" for name, p in m.parameters.items())
-    time = "from the fitted tau" if solid.time_known else f"{NO_TIME:g} s, as impacts alone show none"
+    time = "from the fitted tau" if solid.time_known else f"{NO_TIME:g} s, as impacts alone do not determine it"
     beyond = dict(solid.left_out)
     mu, epsilon = (f"{getattr(solid, name):g}, {'not as ' * (name in beyond)}fitted" for name in LIMITS)
     when = "at any speed" if solid.speed is None else f"at {solid.speed:g} m/s"
     return [
-        f"Written by python -m thesis_lib export from a model of {m.dataset or 'drops'}: {m.law.replace('_', ' ')}"
+        f"Written by thesis-lib export from a model of {m.dataset or 'drops'}: {m.law.replace('_', ' ')}"
         + (f" with {', '.join(m.effects)}" if m.effects else ""),
         f"fitted: {fitted}",
         "",
@@ -229,7 +229,7 @@ def story(solid: ExportedBody, engine: Sequence[str]) -> list[str]:
         f"friction: mu = {mu}",
         f"restitution: {epsilon}, of a central impact {when}",
         f"contact time: {solid.contact_time:.6g} s, {time}",
-        f"surface: through {n(solid.surface.origin)} m, with the normal {n(solid.normal)}",
+        f"surface: through {n(solid.surface.origin)} m, with normal {n(solid.normal)}",
         f"gravity: {n(solid.gravity)} m/s^2",
         *engine,
         "",

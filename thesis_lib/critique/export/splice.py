@@ -1,7 +1,7 @@
-"""A user's XML file with some numbers changed: the text is spliced where an element was edited, and stays elsewhere.
+"""Edit numbers in a user's XML file: only the text of edited elements changes; all other bytes stay as they are.
 
-Edits are made in the tree of lxml: attributes set or removed, texts of elements that hold nothing else, and new
-children.  They are found again by comparison with what was read.
+Edits are made in lxml's tree: attributes set or removed, texts of elements without children, and new children.  They
+are found by comparison with the elements as they were read.
 """
 
 import codecs
@@ -15,7 +15,7 @@ from xml.parsers import expat
 from lxml import etree  # pyright: ignore[reportAttributeAccessIssue]
 
 Element: TypeAlias = etree._Element
-Splice: TypeAlias = tuple[int, int, bytes]  # first and last place, and what stands there instead
+Splice: TypeAlias = tuple[int, int, bytes]  # first and last position, and the replacement
 _ATTRIBUTE = re.compile(rb"""\s+([^\s=/>]+)\s*=\s*(?:"([^"]*)"|'([^']*)')""")
 _TAG = re.compile(rb"<[^\s/>]+(?:" + _ATTRIBUTE.pattern.replace(b"(", b"(?:").replace(b"(?:?:", b"(?:") + rb")*\s*/?>")
 _NOTE = re.compile(rb"<(?:!--|\?)")
@@ -25,8 +25,8 @@ _MARKS = {codecs.BOM_UTF8: "utf-8", codecs.BOM_UTF16_LE: "utf-16-le", codecs.BOM
 
 @dataclass(frozen=True)
 class _Read:
-    """An element as it was read: places in the text of its start tag (`start`, `opened`) and end tag (`closes`,
-    `end`), and what it held."""
+    """An element as it was read: positions of its start tag (`start`, `opened`) and end tag (`closes`, `end`) in the
+    text, and its attributes and text."""
 
     element: Element
     start: int
@@ -38,15 +38,15 @@ class _Read:
 
     @property
     def is_empty(self) -> bool:
-        """Whether one tag is all of it."""
+        """Whether the element consists of a single tag."""
         return self.opened == self.end
 
 
 class Source:
-    """The bytes of a file, and its tree as lxml has read it."""
+    """The bytes of a file, and its tree as read by lxml."""
 
     def __init__(self, content: bytes, root: Element) -> None:
-        """LookupError if the encoding of the file is unknown here, ValueError if tags are not where lxml has them."""
+        """LookupError if the encoding of the file is unknown, ValueError if tags are not where lxml found them."""
         stated = root.getroottree().docinfo.encoding or "utf-8"
         self._encoding = next((name for mark, name in _MARKS.items() if content.startswith(mark)), stated)
         self._text = content.decode(self._encoding).encode()
@@ -62,7 +62,7 @@ class Source:
         self._declared = f' xmlns:{prefix}="{namespace}"'.encode()
 
     def content(self) -> bytes:
-        """The file with the edits that were made in its tree."""
+        """Return the file with the edits that were made in its tree."""
         splices = [splice for read in self._read.values() for splice in self._edits(read)]
         parts, done = [], 0
         for first, last, new in sorted(splices, key=lambda splice: splice[:2]):
@@ -92,7 +92,7 @@ class Source:
             yield read.opened - 2, read.opened, b">" + inside + b"</" + name[1] + b">"
 
     def _of_tag(self, read: _Read) -> Iterator[Splice]:
-        """Edits of the attributes."""
+        """Yield the edits of the attributes."""
         now = {name: value for name, value in read.element.attrib.items() if read.attributes.get(name) != value}
         gone, end = read.attributes.keys() - read.element.attrib.keys(), read.start
         for found in _ATTRIBUTE.finditer(self._text, read.start, read.opened):
@@ -108,14 +108,14 @@ class Source:
             yield end, end, new
 
     def _blank(self, read: _Read) -> bytes:
-        """Blank text before the first child of an element: a new line and its indent; empty if it is not blank."""
+        """Return the white space before the first child (new line and indent); empty if there is other text."""
         first = next((one for one in read.element if one in self._read), None)
         blank = self._text[read.opened : self._read[first].start] if first is not None else b""
         return blank if not blank.strip() else b""
 
 
 def _written(new: Element, blank: bytes) -> bytes:
-    """A new element as it stands in the file, its lines begun like `blank`."""
+    """Return the text of a new element, its lines beginning with `blank`."""
     own = deepcopy(new)
     own.tail = None
     if b"\n" in blank:
@@ -124,14 +124,14 @@ def _written(new: Element, blank: bytes) -> bytes:
 
 
 def _places(text: bytes) -> list[tuple[int, int, int, int]]:
-    """Start, end of the start tag, start of the end tag and end of each element of an XML text in UTF-8."""
+    """Return start, end of the start tag, start of the end tag and end of each element of an XML text in UTF-8."""
     found: list[list[int]] = []
     opened: list[int] = []
     parser = expat.ParserCreate("utf-8")
 
     def begin(name: str, attributes: dict[str, str]) -> None:
         if (tag := _TAG.match(text, parser.CurrentByteIndex)) is None:
-            raise ValueError(f"the tag <{name}> is not understood")
+            raise ValueError(f"the tag <{name}> cannot be parsed")
         opened.append(len(found))
         found.append([*tag.span(), 0, 0])
 

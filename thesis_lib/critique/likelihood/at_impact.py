@@ -1,7 +1,7 @@
 """Measured states just before and after impact, extrapolated with a model's flight.
 
-Lines through samples (`datasets/flights/lines.py`) have value and slope Σ w_k f(τ_k) of any path f; what a model's
-flight adds to a straight line is taken off.
+Lines through samples (`datasets/flights/lines.py`) have value and slope Σ w_k f(τ_k) for any path f; the deviation of a
+model's flight from a straight line is subtracted.
 """
 
 from collections.abc import Callable
@@ -17,11 +17,11 @@ from thesis_lib.mechanics.state import State
 # a line through τ³/6 on [−W, 0] has the slope 0.15 W², as for the acceleration at −0.3 W; its own slope is the velocity
 # at −0.5 W
 ARC_MEAN = 0.6
-TURNINGS = 3  # steps to a body that turns otherwise: moments 5 % off leave 2 mrad where it turns by 1 to 3 rad
+TURNINGS = 3  # iterations for differing rotation: moments wrong by 5 % leave 2 mrad after a turn of 1 to 3 rad
 
 
 def state_beside(dynamics: Dynamics, o: Observations, side: int) -> State:
-    """The measured state on one side of the impact: 0 before, 1 after."""
+    """Measured state on one side of the impact: 0 before, 1 after."""
     lines = o.lines(side)
     if not o.arcs:
         return lines
@@ -29,7 +29,7 @@ def state_beside(dynamics: Dynamics, o: Observations, side: int) -> State:
     if dynamics.turns_otherwise:
         return _turned_to_impact(dynamics, o, side, lines)
     if dynamics.model.camera_bends:
-        # the state whose path, seen by the camera, has this line
+        # find the state whose path, seen by the camera, has this line
         a = _beside_lines(o, lines, o.rig.fall(lines).T)
         state = lines.shifted(-o.bow[:, side, :1] * a, -o.bow[:, side, 1:] * a)
         for _ in range(BENDINGS):
@@ -46,7 +46,7 @@ def state_beside(dynamics: Dynamics, o: Observations, side: int) -> State:
 
 
 def lines_beside(dynamics: Dynamics, o: Observations, side: int, state: State) -> tuple[np.ndarray, np.ndarray]:
-    """Value and slope (n, 3) of the lines that the camera sees of flights through measured states at impact.
+    """Value and slope (n, 3) of the lines of flights through measured states at impact, as seen by the camera.
 
     The inverse of `state_beside`.
     """
@@ -69,7 +69,7 @@ def lines_beside(dynamics: Dynamics, o: Observations, side: int, state: State) -
 def line_of_path(dynamics: Dynamics, o: Observations, side: int, state: State) -> State:
     """Value and slope of the lines through the paths that the camera reports from measured states at impact.
 
-    In space the attitude and the spin are those of the states: their lines follow the flight.
+    In space attitude and spin are taken from the states, because their lines follow the flight.
     """
     line = o.weights[:, side] @ dynamics.path(o.nodes[:, side], state)
     if o.space.is_plane:
@@ -79,10 +79,10 @@ def line_of_path(dynamics: Dynamics, o: Observations, side: int, state: State) -
 
 
 def _turned_to_impact(dynamics: Dynamics, o: Observations, side: int, lines: State) -> State:
-    """The state at the impact whose path, seen by the camera, has the line of a side, where the body turns otherwise.
+    """State at the impact whose path, seen by the camera, has the line of one side, if the body turns differently.
 
-    Path and line are compared from the middle of the window, where two motions that are alike in it lie next to each
-    other: at the impact, beyond its end, they are apart.
+    Path and line are compared in the middle of the window, where similar motions are close to each other; at the
+    impact, beyond the end of the window, they have diverged.
     """
     middle, tau, weights = _from_middle(o, side)
     wanted = _turned_freely(o, lines, middle)
@@ -94,7 +94,7 @@ def _turned_to_impact(dynamics: Dynamics, o: Observations, side: int, lines: Sta
 
 
 def _lines_of_turning(dynamics: Dynamics, o: Observations, side: int, state: State) -> State:
-    """The inverse of `_turned_to_impact`: the lines at the impact."""
+    """Lines at the impact; the inverse of `_turned_to_impact`."""
     middle, tau, weights = _from_middle(o, side)
     line = dynamics.later(middle, state)
     path = dynamics.path(tau, line)
@@ -105,7 +105,7 @@ def _lines_of_turning(dynamics: Dynamics, o: Observations, side: int, state: Sta
 
 
 def _from_middle(o: Observations, side: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Middles (n,) of the windows in s from the impact, and nodes and weights of lines whose values are there."""
+    """Middles (n,) of the windows in s from the impact, and nodes and weights of lines with values in the middle."""
     nodes, weights = o.nodes[:, side], o.weights[:, side].copy()
     middle = 0.5 * (nodes[:, 0] + nodes[:, -1])
     weights[:, 0] += middle[:, None] * weights[:, 1]
@@ -113,7 +113,7 @@ def _from_middle(o: Observations, side: int) -> tuple[np.ndarray, np.ndarray, np
 
 
 def _turned_freely(o: Observations, line: State, tau: np.ndarray) -> State:
-    """A line a time τ (n,) in s later: the position straight on, the attitude as the believed body turns freely."""
+    """Line at times τ (n,) in s later: straight in position, free rotation of the believed body in attitude."""
     attitude, spin = attitudes(line.attitude, line.spin, np.asarray(o.rig.tensor), tau[None])
     return State(
         np.concatenate([line.position + tau * line.velocity, attitude[:, 0]]),
@@ -126,7 +126,7 @@ def _turned_freely(o: Observations, line: State, tau: np.ndarray) -> State:
 
 
 def _line_beside(o: Observations, weights: np.ndarray, path: np.ndarray, believed: np.ndarray, near: State) -> State:
-    """The line of a path (n, W, 7); of attitudes the line `near`, which has the `believed` ones, and what is beyond."""
+    """Line of a path (n, W, 7); for attitudes the line `near` of the `believed` ones, plus the deviation from it."""
     d = o.space.dimension
     line = weights @ path[..., :d]
     beyond = o.space.turn_between(believed, np.moveaxis(path[..., d:], (2, 1), (0, 1)))
@@ -136,7 +136,7 @@ def _line_beside(o: Observations, weights: np.ndarray, path: np.ndarray, believe
 
 
 def _beside_lines(o: Observations, state: State, a: np.ndarray) -> np.ndarray:
-    """Acceleration a (n, d + turns) less what the lines know already: in space the torque-free change of the spin."""
+    """Acceleration a (n, d + turns) minus the part included in the lines: in space the torque-free change of spin."""
     if o.space.is_plane:
         return a
     d = o.space.dimension
@@ -144,13 +144,13 @@ def _beside_lines(o: Observations, state: State, a: np.ndarray) -> np.ndarray:
 
 
 def _acceleration_beside_lines(dynamics: Dynamics, o: Observations) -> Callable[[State], np.ndarray]:
-    """A model's acceleration of a state, as `_beside_lines`."""
+    """A model's acceleration as a function of the state, reduced as in `_beside_lines`."""
     return lambda state: _beside_lines(o, state, dynamics.acceleration(state))
 
 
 def _flown_to_impact(o: Observations, side: int, acceleration: Callable[[State], np.ndarray], varying: bool) -> State:
-    """The state on one side of the impact, from the line there and the acceleration (n, 3) of a state, if `varying`
-    with the velocity."""
+    """State on one side of the impact, from the line there and the acceleration (n, 3) of a state, which may be
+    `varying` with the velocity."""
     slope, bow = o.slope[:, side], o.bow[:, side]
     state, bent = o.lines(side), 0.0
     a = acceleration(state)
@@ -163,10 +163,10 @@ def _flown_to_impact(o: Observations, side: int, acceleration: Callable[[State],
 def _bent(
     o: Observations, side: int, acceleration: Callable[[State], np.ndarray], at: State, a: np.ndarray
 ) -> np.ndarray:
-    """How much further (n, 3) in m, rad the line lies at the impact as the acceleration varies; 0 unless arcs see it.
+    """Shift (n, 3) in m, rad of the line at the impact due to varying acceleration; 0 unless the arcs resolve it.
 
     `at` is the state at impact, `a` the acceleration that gives the slope, at 0.3 W of a line from 0 to W = 2 b_1.
-    A line through τ³/6 is −W³/30 at 0, one through 0.3 W τ²/2 only −W³/40: the rest is −W³/120 times the jerk.
+    A line through τ³/6 is −W³/30 at 0, a line through 0.3 W τ²/2 only −W³/40: the rest is −W³/120 times the jerk.
     """
     if o.found.arcs_air is None:
         return np.zeros_like(a)

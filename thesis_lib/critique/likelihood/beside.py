@@ -1,4 +1,4 @@
-"""Evidence beside impacts, each kind with residuals of its own."""
+"""Evidence in addition to impacts; each kind of evidence defines its residuals."""
 
 from dataclasses import dataclass, replace
 from typing import ClassVar, Self
@@ -13,7 +13,7 @@ from thesis_lib.mechanics.state import State
 class Beside:
     """m measured states, independent of each other and of the impacts, and the variance (m, c) of their residuals.
 
-    `channel` is its name in `channels`; `of_all` are names of arrays that do not have a row for each measurement.
+    `channel` is the name in `channels`; `of_all` names the arrays that do not have one row per measurement.
     """
 
     state: State
@@ -27,24 +27,24 @@ class Beside:
 
     @property
     def trial(self) -> np.ndarray:
-        """Trial (m,) of each."""
+        """Trial (m,) of each measurement."""
         return self.state.trial
 
     def select(self, rows: np.ndarray) -> Self:
-        """The measurements at `rows`."""
+        """Measurements at `rows`."""
         arrays = {name: part for name, part in vars(self).items() if name not in ("state", *self.of_all)}
         return replace(self, state=self.state.select(rows), **{name: part[rows] for name, part in arrays.items()})
 
     def of_trials(self, trials: np.ndarray) -> Self:
-        """The same for the given trials only."""
+        """Measurements of the given trials."""
         return self.select(np.flatnonzero(np.isin(self.trial, trials)))
 
     def residuals(self, dynamics: Dynamics) -> np.ndarray:
-        """Measured minus predicted (m, c)."""
+        """Measured minus predicted values (m, c)."""
         raise NotImplementedError
 
     def less(self, residuals: np.ndarray) -> Self:
-        """The same with measurements that are smaller by (m, c)."""
+        """Copy with the measured values reduced by `residuals` (m, c)."""
         raise NotImplementedError
 
     def whitened(self, dynamics: Dynamics) -> np.ndarray:
@@ -52,7 +52,7 @@ class Beside:
         return self.residuals(dynamics) / np.sqrt(self.variance)
 
     def drawn(self, dynamics: Dynamics, rng: np.random.Generator) -> Self:
-        """The same measurements drawn from a model, with their noise."""
+        """Copy with measurements drawn from a model, including noise."""
         residuals = self.residuals(dynamics)
         return self.less(residuals).less(-np.sqrt(self.variance) * rng.standard_normal(residuals.shape))
 

@@ -1,15 +1,15 @@
-"""Parameters with only a bound: their likelihood stays flat up to an end of the range.
+"""Bounds on parameters whose likelihood is flat up to an end of their range.
 
-Where no impact slips, every friction beyond the largest ratio of impulses predicts the same, and a standard error from
-the curvature of the likelihood means nothing.  The profile shows it: with r(x) the robust whitened residuals at the
-value x of one parameter, and P the projector that takes the slopes of all other parameters out of them,
+If no impact slips, every coefficient of friction above the largest ratio of impulses gives the same prediction, and a
+standard error from the curvature of the likelihood is meaningless.  The profile is then used: with r(x) the robust
+whitened residuals at the value x of one parameter, and P the projector that removes the derivatives by all others,
 
     loss(x) = ½ (|P r(x)|² − |P r(x̂)|²)    nats,
 
-a parameter has only a bound if loss(x) stays below `EDGE` up to one end of its range; the bound is where it passes
-`EDGE` on the other side (95 %).  If it stays below up to both ends, the data say nothing: the bound is the lower end.
-If neither, half the width of the interval takes the place of the standard error.  Laws differ in what they call μ,
-so that its lower bound is at most the largest ratio of impulses.
+a parameter has only a bound if loss(x) stays below `EDGE` up to one end of its range; the bound is the point where it
+exceeds `EDGE` on the other side (95 %).  If it stays below up to both ends, the data are uninformative, and the bound
+is the lower end.  If neither, half the interval replaces the standard error.  Because laws define μ differently, its
+lower bound is at most the largest ratio of impulses.
 """
 
 from collections.abc import Mapping
@@ -25,22 +25,22 @@ from thesis_lib.effects.effect import Parameter
 from thesis_lib.statistics.intervals import Z95
 
 EDGE = 0.5 * Z95**2  # nats
-WIDE = 0.25  # of the range of a parameter: a 95 % interval as wide is compared with the profile
-NO_SLOPE = 1e-6  # of a parameter's scale: rounding gives such a standard error where nothing depends on it
-POINTS, STAGES = 16, 4  # of the search for an edge: it ends within 10⁻⁵ of the range
-SLOPE_STEP = 1e-3  # of a parameter's scale: finite differences
+WIDE = 0.25  # relative to the range of a parameter: a wider 95 % interval is checked with the profile
+NO_SLOPE = 1e-6  # relative to a parameter's scale: standard error due to rounding if nothing depends on it
+POINTS, STAGES = 16, 4  # of the search for an edge: its error is below 10⁻⁵ of the range
+SLOPE_STEP = 1e-3  # relative to a parameter's scale: step of finite differences
 
 
 @dataclass(frozen=True)
 class Bound:
-    """All that the data say of a parameter: at least (lower) or at most (upper) this value."""
+    """Bound on a parameter that the data limit from one side only: a lower or an upper bound."""
 
     kind: Literal["lower", "upper"]
     value: float
 
 
 def doubtful(p: Parameter, value: float, std: float) -> bool:
-    """Whether a standard error may mean nothing: at an end of the range, without a slope, or as wide as the range."""
+    """Whether a standard error may be meaningless: at an end of the range, with zero derivative, or too wide."""
     if p.discrete is not None:
         return False
     at_end = value in (p.low, p.high) and value != p.null
@@ -48,7 +48,7 @@ def doubtful(p: Parameter, value: float, std: float) -> bool:
 
 
 def profiled(whitening: Whitening, values: Mapping[str, float], name: str) -> Bound | float:
-    """The bound of one parameter, or its standard error from the profile, at fixed covariance."""
+    """Bound of one parameter, or its standard error, from the profile at fixed covariance."""
     parameters = whitening.model.fitted_parameters
     p, value = parameters[name], values[name]
 
@@ -66,7 +66,7 @@ def profiled(whitening: Whitening, values: Mapping[str, float], name: str) -> Bo
     least = cost(here)
 
     def edge(end: float) -> float | None:
-        """Where the loss passes `EDGE` on the way to an end of the range; None if it does not."""
+        """Value at which the loss exceeds `EDGE` on the way to an end of the range; None if it does not."""
         near, far = value, end
         for stage in range(STAGES):
             points = np.linspace(near, far, POINTS + 1)[1:]
@@ -87,7 +87,7 @@ def profiled(whitening: Whitening, values: Mapping[str, float], name: str) -> Bo
 
 
 def slip_is_known(comparison: Comparison) -> bool:
-    """Whether the direction of slip is known before any impact, whatever spin nobody measured: else friction is not."""
+    """Whether at some impact the direction of slip is known despite an unmeasured spin; else friction is unknown."""
     o = comparison.observations
     _, at = comparison.dynamics.measured_contact(comparison.before, o.offset)
     slip = np.sqrt(np.sum(np.square(at.v[:-1]), axis=0))
@@ -95,7 +95,7 @@ def slip_is_known(comparison: Comparison) -> bool:
 
 
 def largest_ratio(comparison: Comparison) -> float:
-    """The largest |c_t|/c_n of the impulses that a model predicts: what friction must bear, whatever a law calls μ."""
+    """Largest |c_t|/c_n of the impulses that a model predicts, which friction must support for any definition of μ."""
     dynamics, before = comparison.dynamics, comparison.before
     v = dynamics.measured_contact(before, comparison.observations.offset)[0].v
     after = dynamics.to_contact(dynamics.collide(dynamics.to_true(before))[0])
@@ -104,7 +104,7 @@ def largest_ratio(comparison: Comparison) -> float:
 
 
 def _basis(columns: np.ndarray) -> np.ndarray:
-    """Orthonormal basis (N, rank) of columns (N, p), without those that are 0 or depend on others."""
+    """Orthonormal basis (N, rank) of columns (N, p), without zero or linearly dependent columns."""
     size = np.linalg.norm(columns, axis=0)
     U, s, _ = np.linalg.svd(columns[:, size > 0.0] / size[size > 0.0], full_matrices=False)
     return U[:, s > 1e-6 * s.max(initial=0.0)]

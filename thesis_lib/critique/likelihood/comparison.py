@@ -1,22 +1,22 @@
-"""A model at given values against observations: predictions, residuals, and the covariance of these from noise.
+"""Comparison of a model at given values with observations: predictions, residuals and their covariance due to noise.
 
-The residual of an impact has three components, velocity after impact measured minus predicted ("impact").  Trajectories
-add four: pose after minus before (3, "meet") and gap at impact (1, "touch").  That of an episode is measured minus
-predicted velocity and pose where the flight after it begins; its touch is solved for, so that the last component is 0.
-A single hit whose contact is integrated has the pose predicted, too; its last component is how far the measured arcs
-are apart where they should meet.
-What is measured beside impacts has its own residuals (`beside`).
+The residual of an impact has three components, measured minus predicted velocity after impact ("impact").  Trajectories
+add four: pose after minus before (3, "meet") and gap at impact (1, "touch").  The residual of an episode is measured
+minus predicted velocity and pose where the flight after it begins; its touch is solved for: the last component is 0.
+For a single hit with an integrated contact the pose is also predicted; the last component is then the distance between
+the measured arcs where they should meet.
+Evidence in addition to impacts has its own residuals (`beside`).
 
-The covariance S (`covariance`) counts the noise of *all* data, also of a law's inputs.  Where nobody measured the spin
-before an impact, S also holds what it does to the prediction over all spins that are believed possible (`SPINS`), of
-which the prediction is the mean.  An error in m/s must not count what the spin may have done either.  With S_ω the
-scatter by the spin, and R the residual of the velocity,
+The covariance S (`covariance`) includes the noise of *all* data, also of the inputs of a law.  If the spin before an
+impact was not measured, the prediction is the mean over the plausible spins (`SPINS`), and S includes the scatter due
+to the spin.  An error in m/s must not include this scatter either.  With S_ω the scatter due to the spin, and R the
+residual of the velocity,
 
     R − E[R(ω) | R] = (1 − S_ω S⁻¹) R = S_0 S⁻¹ R,    S = S_0 + S_ω,
 
-is what is left of it once the most probable spin is taken out (`velocity_left`); where friction is full whatever the
-spin, all of it is.  An episode bends: which corner hits first may hang on a milliradian.  Its covariance goes to second
-order in the noise, and it has no κ, because its touch is solved for.
+is the remaining residual after removal of the most probable spin (`velocity_left`); it equals R if friction is at its
+limit for any spin.  Episodes are nonlinear: which corner hits first may depend on a milliradian.  Their covariance is
+of second order in the noise, and does not contain κ, because their touch is solved for.
 """
 
 from collections.abc import Iterator, Mapping
@@ -37,23 +37,23 @@ from thesis_lib.critique.likelihood.observations import Observations
 from thesis_lib.foundation.forked import each
 from thesis_lib.mechanics.state import State
 
-# of an unknown spin, in standard deviations: nodes (turns, k) and their weights for a normal distribution (Gauss and
-# Hermite), by dimension; in space about the level axes, for a ball's spin about the normal meets no friction
+# nodes (turns, k) of an unknown spin in standard deviations, and their weights for a normal distribution (Gauss and
+# Hermite), by dimension; in space about horizontal axes: a ball's spin about the normal does not affect friction
 _NODES, _WEIGHTS = hermegauss(7)
 _FEWER, _OF_FEWER = hermegauss(5)
 SPINS = {2: _NODES[None], 3: np.array([*(axis.ravel() for axis in np.meshgrid(_FEWER, _FEWER)), np.zeros(25)])}
 _OF_SPIN = {len(w): w / w.sum() for w in (_WEIGHTS, np.outer(_OF_FEWER, _OF_FEWER).ravel())}
 _LEAST = 1e-18  # (m/s)²
-SHARED = 1000  # impacts of a part of the work that processes share: a tenth of a second where contacts are integrated
-COPIES = 25  # of an episode in space, moved to either side along each axis of its noise
-KEPT = 8  # points whose residuals observations keep: a fit ends where the next begins
+SHARED = 1000  # impacts in one unit of work of parallel processes: a tenth of a second with integrated contacts
+COPIES = 25  # of an episode in space, shifted to both sides along each principal axis of its noise
+KEPT = 8  # cached points of observations: a fit ends where the next begins
 
 
 class Comparison:
-    """A model at given values, compared with observations; what is asked for is computed once.
+    """A model at given values, compared with observations; every result is computed once, on demand.
 
-    `values` are numbers, or arrays (n,) with one for each impact; `states` are the measured states just before and
-    after impact, if they are known: by default they are extrapolated with the model's flight.
+    `values` are numbers, or arrays (n,) with one entry per impact; `states` are the measured states just before and
+    after impact; by default they are extrapolated with the model's flight.
     """
 
     def __init__(
@@ -66,7 +66,7 @@ class Comparison:
         self.dynamics, self.observations, self._states = bind(model, values, observations.rig), observations, states
 
     def on(self, observations: Observations) -> "Comparison":
-        """The same model against other observations."""
+        """Comparison of the same model with other observations."""
         return Comparison(self.dynamics.model, self.dynamics.values, observations)
 
     @cached_property
@@ -81,9 +81,9 @@ class Comparison:
 
     @property
     def at_impulse(self) -> tuple[State, State]:
-        """Measured states before and after, with the pose until which bodies turn until the impulse acts.
+        """Measured states before and after, with the pose that the body has reached when the impulse acts.
 
-        With the sense of turning of the camera.
+        The sense of rotation is that of the camera.
         """
         before, after = self.before, self.after
         if not (self.dynamics.model.takes_time and self.observations.arcs):
@@ -96,14 +96,14 @@ class Comparison:
 
     @cached_property
     def prediction(self) -> Prediction:
-        """Prediction from the states before impact; where their spin is unknown, its mean over the spins."""
+        """Prediction from the states before impact, averaged over the spin before if it is unknown."""
         if self.observations.spin:
             return self.by_spin.each(over_spins)
         return _predicted(self.dynamics, self.observations, self.before)
 
     @cached_property
     def by_spin(self) -> Prediction:
-        """The same, each array (m, n, ...), for `SPINS` times the unknown spin's one sigma."""
+        """Predictions, each array (m, n, ...), at the unknown spins `SPINS` times their standard deviation."""
         o, before, spins = self.observations, self.before, SPINS[self.observations.space.dimension]
         m = spins.shape[1]
         rows = np.tile(np.arange(len(before)), m)
@@ -120,28 +120,28 @@ class Comparison:
 
     @cached_property
     def of_spin(self) -> np.ndarray:
-        """Covariance (n, 7 or 13, 7 or 13) of the residuals of single hits from a spin that nobody measured."""
+        """Covariance (n, 7 or 13, 7 or 13) of the residuals of single hits due to an unmeasured spin."""
         v, q, space = self.by_spin.v, self.by_spin.q, self.observations.space
         d, m = space.dimension, space.motions
         R = np.zeros((len(v), len(self.observations), 2 * m + 1))
         R[:, :, :m] = v - over_spins(v)
         if q is not None:
-            moved = d + space.turns * space.is_plane  # nobody sees how a ball has turned
+            moved = d + space.turns * space.is_plane  # the turn of a ball is not observed
             R[:, :, m : m + moved] = np.nan_to_num(q - over_spins(q))[:, :, :moved]
         return over_spins(R[..., :, None] * R[..., None, :])
 
     @property
     def velocity_left(self) -> np.ndarray:
-        """Residual (n, d + turns) in m/s, rad/s of the velocity after impact that no unknown spin accounts for."""
+        """Residual (n, d + turns) in m/s, rad/s of the velocity after impact that an unknown spin cannot explain."""
         return self.left_over(self.R[:, : self.observations.space.motions])
 
     def left_over(self, R: np.ndarray) -> np.ndarray:
-        """Residuals R (..., n, d + turns) that no unknown spin explains; all of R where the spin is measured."""
+        """Part of residuals R (..., n, d + turns) that an unknown spin cannot explain; R if the spin is measured."""
         return np.einsum("nij,...nj->...ni", self.what_is_left, R) if self.observations.spin else R
 
     @property
     def what_is_left(self) -> np.ndarray:
-        """Matrices (n, d + turns, d + turns) that leave what no unknown spin explains, and nothing of that after."""
+        """Matrices (n, d + turns, d + turns) that remove what an unknown spin explains, and the spin after impact."""
         o = self.observations
         d, m = o.space.dimension, o.space.motions
         if not o.spin:
@@ -154,7 +154,7 @@ class Comparison:
 
     @cached_property
     def noisy(self) -> Noisy:
-        """The residuals with their covariance from noise; the observations keep those of the last few points."""
+        """Residuals with their covariance due to noise; the observations cache the results of the last few points."""
         kept, model, values = self.observations.noisy, self.dynamics.model, self.dynamics.values
         if any(isinstance(value, np.ndarray) for value in values.values()):
             return self._noisy()
@@ -177,7 +177,7 @@ class Comparison:
         parts = []
         for rows, of_part in ((o.span == 0.0, Comparison._of_single), (o.span != 0.0, Comparison._of_episodes)):
             count = 1
-            if self.dynamics.integrated and not o.space.is_plane:  # these take a while, and processes share them
+            if self.dynamics.integrated and not o.space.is_plane:  # slow: shared by parallel processes
                 count += np.count_nonzero(rows) * COPIES // SHARED
             parts += [(some, of_part) for some in np.array_split(np.flatnonzero(rows), count) if len(some)]
         for (rows, _), found in zip(parts, each(lambda part: part[1](self.on(o.rows(part[0]))), parts)):
@@ -185,16 +185,16 @@ class Comparison:
         return whole
 
     def covariance(self, instant: np.ndarray | float = INSTANT) -> np.ndarray:
-        """S (n, m, m) of the residuals without σ_m; `instant` as in `Noisy.covariance`."""
+        """Covariance S (n, m, m) of the residuals without σ_m; `instant` as in `Noisy.covariance`."""
         return self.noisy.covariance(instant)
 
     def _of_single(self) -> Noisy:
-        """Residuals of single hits; copies that differ after the hit only share its prediction."""
+        """Residuals of single hits; copies that differ only after the hit share its prediction."""
         o, has_arc = self.observations, self.dynamics.model.has_arc
         n, moves, copies = len(o), 4 * o.space.motions, copies_moved(o, has_arc)
         after = self.on(copies.part(slice((moves + 2) * n), has_arc)).after
         given = self.on(copies.part(slice(moves * n, None), has_arc))
-        # where in `given` and `after` each copy has its state
+        # index of the state of each copy in `given` and `after`
         row = np.arange((moves + 2) * n)
         at = np.concatenate([np.tile(row[:n], moves), row])
         of = np.concatenate([row, np.tile(row[moves * n : (moves + 1) * n], moves)])
@@ -237,8 +237,8 @@ class Comparison:
         return Noisy(value, S, np.zeros_like(value))
 
     def _principal_steps(self, side: int) -> Iterator[np.ndarray]:
-        """One standard deviation along each principal axis of the noise of one side, as steps (n, channels, value or
-        slope)."""
+        """Yield steps (n, channels, value or slope) of one standard deviation along each principal axis of the noise of
+        one side."""
         o = self.observations
         for channels, cov in o.blocks:
             variance, axes = np.linalg.eigh(cov[:, side])
@@ -260,7 +260,7 @@ def _predicted(dynamics: ByImpulse, o: Observations, before: State) -> Predictio
 
 
 def compare(dynamics: Dynamics, before: State, after: State, prediction: Prediction) -> np.ndarray:
-    """Residuals R of measured states `before` and `after` impacts, as `Comparison.R`."""
+    """Residuals R of measured states `before` and `after` impacts, as in `Comparison.R`."""
     dv = after.v - prediction.v
     if prediction.touch is None:
         return dv
@@ -276,11 +276,11 @@ def compare(dynamics: Dynamics, before: State, after: State, prediction: Predict
 
 
 def _apart(dynamics: Dynamics, before: State, after: State) -> np.ndarray:
-    """How far apart (n,) in m measured arcs are across the surface, where they should meet.
+    """Distance (n,) in m of the measured arcs normal to the surface, where they should meet.
 
-    No contact that is integrated has a say in it; an impact law compares it instead of the pose after impact.  In the
-    unit v_n⁻ / (v_n⁺ − v_n⁻), both sets of residuals have the same volume, so that their likelihoods can be compared.
-    Where an effect (a time lag) says that the body did not come off, the unit is that of v_n⁺ = 0.
+    It does not depend on integrated contacts; an impact law compares it instead of the pose after impact.  With the
+    factor v_n⁻ / (v_n⁺ − v_n⁻), both sets of residuals have the same volume, and their likelihoods are comparable.  If
+    an effect (a time lag) implies that the body does not separate, the factor is that for v_n⁺ = 0.
     """
     true = [dynamics.to_true(state) for state in (before, after)]
     gaps, rates = zip(*((dynamics.gap(state), dynamics.contact(state)[1].v_n) for state in true))

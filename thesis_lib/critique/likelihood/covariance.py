@@ -1,10 +1,10 @@
-"""Covariance of a statistic of impacts from the noise of *all* data, also of a law's inputs.
+"""Covariance of a statistic of impacts due to the noise of *all* data, including the inputs of a law.
 
     S = A C Aᵀ + κ² w wᵀ + σ_m² D,    A = ∂R/∂data,  w = ∂R/∂t_c,  D = diag(1, 1, 1/k²) on the impact components
 
-A is made of secants over one standard deviation of each datum, so that a kink between sticking and sliding counts as
-far as noise reaches it.  κ is wide, because the instant of impact is unknown a priori.  σ_m is scatter that neither
-noise nor model explains (`fit`).
+The columns of A are finite differences over one standard deviation of each datum: a transition between sticking and
+sliding counts if it is within reach of the noise.  κ is wide, because the instant of impact is unknown a priori.  σ_m
+is scatter that neither noise nor model explains (`fit`).
 """
 
 from dataclasses import dataclass
@@ -15,32 +15,32 @@ import numpy as np
 from thesis_lib.critique.likelihood.observations import Observations
 
 INSTANT = 2e-3  # s, κ: the prior of t_c; half a frame at 250 Hz
-_H_INSTANT = 1e-4  # s, for the derivative by the instant of impact
+_H_INSTANT = 1e-4  # s, step for the derivative by the instant of impact
 
 
 @dataclass(frozen=True)
 class Noisy:
-    """A statistic of n impacts (n, m), its covariance (n, m, m) from noise, and w (n, m), its slope by the instant."""
+    """A statistic of n impacts (n, m), its covariance (n, m, m) due to noise, and its derivative w (n, m) by t_c."""
 
     value: np.ndarray
     noise: np.ndarray
     by_instant: np.ndarray
 
     def covariance(self, instant: np.ndarray | float = INSTANT) -> np.ndarray:
-        """S (n, m, m) without σ_m.
+        """Covariance S (n, m, m) without σ_m.
 
-        `instant` is κ in s, scalar or (n,): wide if S weighs residuals (a fit of the instant), `t_std` for their size
-        at the estimated one.
+        `instant` is κ in s, scalar or (n,): wide if S weights residuals (the instant is then fitted), `t_std` if S is
+        used for the size of residuals at the estimated instant.
         """
         w, kappa = self.by_instant, np.broadcast_to(instant, len(self.value))
         return self.noise + kappa[:, None, None] ** 2 * w[:, :, None] * w[:, None, :]
 
 
 def copies_moved(o: Observations, with_samples: bool) -> Observations:
-    """Copies of the impacts, each of the data moved up and down by its step; 26 in the plane.
+    """Copies of the impacts, in which one datum at a time is moved up or down by its step; 26 copies in the plane.
 
-    First those with the data after moved, then two for the instant as measured and later, then those with the data
-    before moved.
+    Order: copies with moved data after the impact; two for the instant, as measured and later; copies with moved data
+    before the impact.
     """
     m, step = o.space.motions, o.steps
     moves = 4 * m
@@ -56,11 +56,11 @@ def copies_moved(o: Observations, with_samples: bool) -> Observations:
                     change = np.zeros((m, len(o)))
                     change[channel] = sign * step[:, side, channel, 0]
                     value[at, :, side] = o.space.shift(value[at, :, side].T, change).T
-    # a later instant: both arcs fly on, by their velocity there (not that of the line), under gravity
+    # a later instant: both arcs continue with their velocity there (not the line's), under gravity
     for side in (0, 1):
         lines, a = o.lines(side), o.rig.fall(o.lines(0)).T
         behind = o.bow[:, side, 1:] * a
-        behind[:, o.space.dimension :] *= o.space.is_plane  # in space the spin is that of the flight at the instant
+        behind[:, o.space.dimension :] *= o.space.is_plane  # in space the lines have the spin at the instant
         change = _H_INSTANT * (o.slope[:, side] - behind)
         value[moves + 1, :, side] = o.space.shift(lines.pose, change.T).T
         slope[moves + 1, :, side] += _H_INSTANT * a
@@ -68,7 +68,7 @@ def copies_moved(o: Observations, with_samples: bool) -> Observations:
 
 
 def noisy(o: Observations, R: np.ndarray) -> Noisy:
-    """From the statistic of the `copies_moved`, one after the other."""
+    """Statistic with covariance, from its values R for the `copies_moved`, one after the other."""
     n, m, step = len(o), o.space.motions, o.steps
     moves = 4 * m
     R = R.reshape(2 * moves + 2, n, -1)

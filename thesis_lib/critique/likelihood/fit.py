@@ -1,7 +1,7 @@
 """Fit all parameters of a model under the measured noise, and score it.
 
-The fit is iteratively reweighted Gauss-Newton (Levenberg-Marquardt) on whitened residuals, with the weights
-(ν + m)/(ν + d²) of the t distribution (`whitening`).  At fixed S this maximises the likelihood; S and σ_m are updated
+The fit is an iteratively reweighted Gauss-Newton method (Levenberg-Marquardt) on whitened residuals, with the weights
+(ν + m)/(ν + d²) of the t distribution (`whitening`).  At fixed S it maximises the likelihood; S and σ_m are updated
 between rounds.
 """
 
@@ -33,19 +33,19 @@ from thesis_lib.critique.likelihood.whitening import (
 from thesis_lib.effects.effect import Effect
 from thesis_lib.foundation.errors import UserError
 
-ROUNDS = 3  # of S, σ_m and weights; the third moves parameters by less than a tenth of their standard error
-MOST_TRIES = 4  # starts of a fit; of a discrete parameter each of its values, in space those that begin best
-# times that, of contacts in space that take time, at first: narrow differences see the jumps of single episodes, where
-# one more corner hits, and no slope.  The first is a fifth of a parameter's scale
+ROUNDS = 3  # updates of S, σ_m and weights; the third changes parameters by less than a tenth of their standard error
+MOST_TRIES = 4  # starts of a fit; for a discrete parameter all its values, in space the best initial ones
+# initial factors on `SLOPE_STEP` for integrated contacts in space: narrow differences would measure the jumps of single
+# episodes, where one more corner hits, and not the trend.  The first is a fifth of a parameter's scale
 WIDER = (200.0, 40.0, 8.0)
-SHAPES = 2  # of an effect's shapes that are fitted, the best by their score tests
-ENOUGH_SINGLE = 30  # single hits that a first fit takes alone
-# of an effect's size, one sigma: what a model of a contact that takes time errs by, and no scatter shows.  Of the first
-# 144 parameters of the headline (MuJoCo, Drake, our own simulator) 90 % lay in their intervals without it, 95 % with it
+SHAPES = 2  # number of an effect's shapes (starting values) that are fitted, the best by score test
+ENOUGH_SINGLE = 30  # single hits that suffice for a first fit without episodes
+# one sigma of the systematic error of a model with contact times, relative to an effect's size.  Of the first 144
+# parameters of the headline (MuJoCo, Drake, our own simulator) 90 % were in their intervals without it, 95 % with it
 OF_MODEL = 0.006
 Noise = tuple[np.ndarray, float]  # S (n, m, m) without scatter, and σ_m in m/s
 NO_PRIOR = np.zeros(0)
-FLAT = 3.0  # nats; friction that gains less over one at which every contact sticks is known from below only
+FLAT = 3.0  # nats; friction that gains less than this over universal sticking has a lower bound only
 
 
 @dataclass(frozen=True)
@@ -53,10 +53,10 @@ class Fit:
     """A fitted model.
 
     Attributes:
-        values: by full parameter name.
+        values: parameter values by full name.
         score: log score of the training data, nats; n: number of impacts.
         whitening: residuals at the last S and σ_m.
-        seen: impacts that bounds are taken from, as they may be more than the fit was given; None: the fitted ones.
+        seen: impacts from which bounds are determined, possibly more than were fitted; None: the fitted impacts.
     """
 
     model: Model
@@ -72,7 +72,7 @@ class Fit:
         return self.whitening.sigma_m
 
     def on(self, observations: Observations) -> Comparison:
-        """The fitted model against observations."""
+        """Comparison of the fitted model with observations."""
         return Comparison(self.model, self.values, observations)
 
     @cached_property
@@ -82,19 +82,19 @@ class Fit:
         found = sandwich(self.whitening, self.values, least)
         if not kind_of(self.model).integrated:
             return found
-        # jumps of episodes count the less the wider the step
+        # wider steps reduce the influence of jumps of episodes
         return sandwich(self.whitening, self.values, np.fmax(np.sqrt(np.diag(found[0])), least))
 
     @property
     def covariance(self) -> np.ndarray:
-        """(p, p) of the fitted parameters in their order, from the scatter of impacts; `std` counts more."""
+        """Covariance (p, p) of the fitted parameters, in order, from the scatter of impacts; `std` includes more."""
         return self._sandwich[0]
 
     @cached_property
     def std(self) -> dict[str, float]:
-        """Standard errors by full parameter name; 0 of what is on or off, NaN where there is only a bound.
+        """Standard errors by full parameter name; 0 for discrete parameters, NaN where there is only a bound.
 
-        They count noise, what the model misses from trial to trial (`sandwich`), and `OF_MODEL`.
+        They include noise, model errors that vary from trial to trial (`sandwich`), and `OF_MODEL`.
         """
         errors = {name: np.nan if isinstance(said, Bound) else said for name, said in self._profiles.items()}
         scatter = self._curvatures | errors
@@ -107,7 +107,7 @@ class Fit:
 
     @property
     def bounds(self) -> dict[str, Bound]:
-        """All that the data say of some parameters, by full name (`bounds`)."""
+        """Bounds by full name, for parameters that the data limit from one side only (`bounds`)."""
         return {name: said for name, said in self._profiles.items() if isinstance(said, Bound)}
 
     @cached_property
@@ -117,7 +117,7 @@ class Fit:
 
     @cached_property
     def _profiles(self) -> dict[str, Bound | float]:
-        """Bounds or standard errors from the profile, for parameters whose standard error may mean nothing."""
+        """Bounds or standard errors from the profile, for parameters whose standard error may be meaningless."""
         free, whitening = self.model.fitted_parameters, self.whitening
         names = [name for name, p in free.items() if doubtful(p, self.values[name], self._curvatures[name])]
         if names and self.seen is not None:
@@ -128,9 +128,9 @@ class Fit:
         return said | ({"mu": Bound("lower", free["mu"].low)} if unseen else {})
 
     def content(self, name: str) -> dict:
-        """A parameter for a file: value, std and unit.
+        """Entry of a parameter in a file: value, std and unit.
 
-        Of a bound also its kind, the range that was searched, and the value used in predictions.
+        A bound also has its kind, the range that was searched, and the value used in predictions.
         """
         p, bound = self.model.parameters[name], self.bounds.get(name)
         if bound is None:
@@ -145,7 +145,7 @@ class Fit:
 
     @property
     def effects(self) -> tuple[Effect, ...]:
-        """Effects in the order of selection."""
+        """Effects in the order in which they were selected."""
         return self.model.effects
 
 
@@ -158,22 +158,22 @@ def fit(
 ) -> Fit:
     """Fit all parameters from `start` (nulls if absent) and from every start that the last effect declares or finds.
 
-    `noise` is known from a fit without the last effect, and good enough for a first round where this starts small.
+    `noise` is the noise of a fit without the last effect, sufficient for a first round in which the effect is small.
 
-    UserError if there is no impact.
+    UserError if there are no impacts.
     """
     if not len(observations):
         raise UserError(
-            f"There is no impact to fit {model.law.title} to: none was found, or all were left out "
-            "(python -m thesis_lib datasets check DATASET says which and why)."
+            f"There are no impacts to fit {model.law.title} to: none were found, or all were left out "
+            "(thesis-lib datasets check DATASET lists them with reasons)."
         )
     return _Search(model, observations).best(start or {}, rounds, noise)
 
 
 def seeing(fitted: Fit, observations: Observations) -> Fit:
-    """The fit with bounds of parameters from these impacts, which hold those that it was fitted to; all else stays.
+    """Copy of the fit with parameter bounds from the given impacts, which include the fitted impacts.
 
-    Where none of the fitted impacts slips, but another one does, the model is fitted to all of them.
+    If none of the fitted impacts slips, but another impact does, the model is fitted to all of them.
     """
     if fitted.values["mu"] == fitted.model.parameters["mu"].high:
         start = {name: value for name, value in fitted.values.items() if name not in ("mu", "epsilon")}
@@ -190,9 +190,9 @@ def fit_each(
     noise: Sequence[Noise | None] = (),
     most: int | None = None,
 ) -> list[Fit]:
-    """Fit each of several observations of one rig from its own start; the fits go step by step together.
+    """Fit each of several observations of one rig from its own start; the fits advance together step by step.
 
-    `noise` is that of the first round of each, where it is known well enough.  Only the `most` that begin best go on.
+    `noise` is the noise in the first round of each fit, if known.  Only the `most` fits with the best start continue.
     """
     return _step_by_step(
         [
@@ -204,9 +204,9 @@ def fit_each(
 
 
 def fit_parts(whitening: Whitening, start: Mapping[str, float], parts: Sequence[np.ndarray]) -> list[Fit]:
-    """Fit the model of a fit to each of several parts of its trials once more, from where that ended.
+    """Refit the model of a fit to each of several subsets of its trials, starting from its result.
 
-    S stays that of all trials, and only σ_m follows the fits: in space it takes as long as a fit, and hardly differs.
+    S is kept from all trials, and only σ_m is updated: in space S takes as long as a fit, and hardly differs.
     """
     return _step_by_step([_fitting_part(whitening.of(trials), start) for trials in parts])
 
@@ -215,13 +215,13 @@ Search = Generator[tuple[Whitening, list[dict[str, float]]], list[Parts], Fit]
 
 
 def _step_by_step(each: Sequence[Search], most: int | None = None) -> list[Fit]:
-    """The results of several searches, which share their calls; only of the `most` that begin best."""
+    """Results of several searches that share their calls; only of the `most` with the best start."""
     fits: dict[int, Fit] = {}
     searches = dict(enumerate(each))
     asked = {i: next(search) for i, search in searches.items()}
     while asked:
         answers = dict(zip(asked, together(list(asked.values()))))
-        if most is not None and len(asked) > most:  # the first answers, of one point each
+        if most is not None and len(asked) > most:  # the first residuals, of one point each
             costs = {i: np.nan_to_num(weighted(z, NO_PRIOR).cost, nan=np.inf) for i, (z,) in answers.items()}
             asked = {i: asked[i] for i in sorted(sorted(costs, key=costs.__getitem__)[:most])}
         for i in list(asked):
@@ -236,7 +236,7 @@ def _step_by_step(each: Sequence[Search], most: int | None = None) -> list[Fit]:
 def _fitting(
     model: Model, observations: Observations, start: Mapping[str, float], rounds: int, noise: Noise | None
 ) -> Search:
-    """Fit from one start: a generator that yields the points it needs and is sent their whitened residuals."""
+    """Fit from one start: a generator that yields the points it needs and receives their whitened residuals."""
     values = {name: float(start.get(name, p.null)) for name, p in model.parameters.items()}
     for k in range(rounds):
         given = noise if k == 0 else None
@@ -247,7 +247,7 @@ def _fitting(
 
 
 def _fitting_part(whitening: Whitening, start: Mapping[str, float]) -> Search:
-    """The same at a known S, once."""
+    """Fit from one start in a single round, at known S."""
     values = yield from _round(whitening, start, NEAR)
     return _fitted(whitening.settled(values), values)
 
@@ -255,13 +255,13 @@ def _fitting_part(whitening: Whitening, start: Mapping[str, float]) -> Search:
 def _round(
     whitening: Whitening, values: Mapping[str, float], enough: float, wider: Sequence[float] = ()
 ) -> Generator[tuple[Whitening, list[dict[str, float]]], list[Parts], dict[str, float]]:
-    """The values that are most probable at a known S and σ_m, from others."""
+    """Most probable values at known S and σ_m, from initial values."""
     model, free = whitening.model, whitening.model.fitted_parameters
     low, high = (np.array([getattr(p, bound) for p in free.values()]) for bound in ("low", "high"))
     step = np.array([SLOPE_STEP * p.scale for p in free.values()])
     x = np.clip([values[name] for name in free], low, high)
-    unseen = model.unseen(whitening.observations.rig)  # stays 0
-    left = transformed if model.space.is_plane else weighted  # planar models end near noise, where either is as fast
+    unseen = model.unseen(whitening.observations.rig)  # directions held at 0
+    left = transformed if model.space.is_plane else weighted  # planar fits end near the noise: both are fast
     search = levenberg_marquardt(x, low, high, step, enough, wider)
     points = next(search)
     while points:
@@ -274,42 +274,42 @@ def _round(
 
 
 def _fitted(whitening: Whitening, values: dict[str, float]) -> Fit:
-    """The fit that ended at `values`."""
+    """Fit with the final `values`."""
     model, observations = whitening.model, whitening.observations
     score = float(sum(part.sum() for part in whitening.log_scores(values)))
     return Fit(model, values, score, len(observations), whitening)
 
 
 def jumps(model: Model) -> bool:
-    """Whether what the model predicts of an episode jumps along its parameters by more than noise."""
+    """Whether the predictions for episodes are discontinuous in the parameters by more than the noise."""
     return kind_of(model).integrated and not model.space.is_plane
 
 
 class _Search:
-    """Fits of one model to observations, from every start that is worth one."""
+    """Fits of one model to observations from all promising starts."""
 
     def __init__(self, model: Model, observations: Observations) -> None:
         self.model, self.observations, self.integrated = model, observations, kind_of(model).integrated
-        # what was added last
+        # parameters of the effect that was added last
         self.sizes = {
             f"{effect.name}.{p.name}": p for effect in model.effects[-1:] for p in model.parameters_of(effect)
         }
 
     def best(self, start: Mapping[str, float], rounds: int, noise: Noise | None) -> Fit:
-        """As `fit`."""
+        """Best fit; see `fit`."""
         o, most = self.observations, self.model.parameters["mu"].high
         if self.integrated and "tau" not in start:
             start = fit(forerunner(self.model), o, start, rounds=1).values
         tries = self._with_sizes(self._with_friction(admitted(start) if self.integrated else dict(start)))
         if not self.sizes.keys() & start.keys() and self.sizes and tries[0].get("mu") == most:
-            # what stuck without the effect may slip with it
+            # contacts that stick without the effect may slip with it
             tries = [t | basin for t in tries[:2] for basin in ({}, self._basins(o, t)[0])]
         if "mu" not in tries[0]:
-            # single hits find the basin: an episode is far from linear while (μ, ε) are far off
+            # single hits find the basin: episodes are strongly nonlinear far from the optimal (μ, ε)
             simple = o.single if len(o.single) >= ENOUGH_SINGLE else o
             tries = [t | basin for t in tries for basin in self._basins(simple, t)]
             tries = [self._best_of([(simple, t) for t in tries], 1, most=self._most).values]
-        # the noise of a fit without the last effect holds where that has hardly begun
+        # the noise of a fit without the last effect is valid while the effect is small
         tries = tries[: max(MOST_TRIES, *(len(p.options) for p in self.sizes.values()), 0)]
         small = [all(abs(t[name] - p.null) <= p.scale for name, p in self.sizes.items()) for t in tries]
         first = [noise if is_small else None for is_small in small]
@@ -322,24 +322,24 @@ class _Search:
 
     @property
     def _most(self) -> int | None:
-        """Starts that are followed to their end: all, but of a parameter that only takes some values the best."""
+        """Number of starts that are fitted to the end: the best for a discrete parameter in space, else all (None)."""
         is_discrete = any(p.discrete is not None for p in self.sizes.values())
         return MOST_TRIES if is_discrete and not self.model.space.is_plane else None
 
     def _best_of(
         self, tasks: Sequence, rounds: int, noise: Sequence[Noise | None] = (), most: int | None = None
     ) -> Fit:
-        """The best of fits as `fit_each` makes them."""
-        # a rotation that is read wrongly may have no score at all
+        """Best of the fits that `fit_each` returns."""
+        # a wrongly read rotation may have the score NaN
         return max(
             fit_each(self.model, tasks, rounds, noise, most),
             key=lambda fitted: np.nan_to_num(fitted.score, nan=-np.inf),
         )
 
     def _with_friction(self, start: dict[str, float]) -> dict[str, float]:
-        """`start` with the best start of a parameter of friction that it lacks.
+        """`start` with the best starting values of missing friction parameters.
 
-        In space, where engines have the impedance that they are usually set to: a fit from near 0 ends below it.
+        Only in space, where engines have their usual impedance: a fit from near 0 ends below it.
         """
         free = [p for p in self.model.of_friction if p.name not in start and p.starts]
         if "mu" not in start or self.model.space.is_plane:
@@ -352,17 +352,17 @@ class _Search:
         return start
 
     def _with_sizes(self, start: dict[str, float]) -> list[dict[str, float]]:
-        """Starts with the parameters of the last effect, where `start` lacks them."""
+        """Starts with added parameters of the last effect if `start` does not contain them."""
         is_new = not self.sizes.keys() & start.keys()
         tries = self._best_shapes(start) if is_new and self.sizes else []
         tries = tries or [start]
         for key, p in self.sizes.items():
-            if key in tries[0]:  # known already, a discrete one from all its options
+            if key in tries[0]:  # known already
                 continue
             if p.discrete is not None:
                 tries = [{**t, key: option} for t in tries for option in p.options]
             else:
-                # off the null, where many effects have no slope
+                # away from the null, where the derivatives of many effects vanish
                 either_side = (p.null + p.scale, p.null - p.scale)
                 starts = p.starts[:2] if not self.integrated or reaches(p) else ()
                 options = starts or either_side[: 2 if p.low < p.null < p.high else 1]
@@ -370,9 +370,9 @@ class _Search:
         return tries
 
     def _best_shapes(self, start: Mapping[str, float]) -> list[dict[str, float]]:
-        """Starts at the best of the last effect's `shapes`, its other parameters as in their score test; [] if none.
+        """Starts at the best `shapes` of the last effect, other parameters from their score test; [] without shapes.
 
-        `start` without (μ, ε) stands for the fit without that effect.
+        If `start` lacks (μ, ε), the model without the effect is fitted first.
         """
         model, o, effect = self.model, self.observations, self.model.effects[-1]
         shapes = effect.shapes(o.lines(0), o.rig)
@@ -408,7 +408,7 @@ class _Search:
         return [values for _, values in sorted(found, key=lambda pair: pair[0])[:SHAPES]]
 
     def _stuck(self, found: Fit, most: float) -> Fit:
-        """The fit; where every contact may as well stick, that with the most friction, so that others stick, too."""
+        """The fit or, if the data are consistent with sticking throughout, the fit with the largest μ."""
         if found.values["mu"] == most:
             return found
         here, sticking = found.whitening.many([found.values, {**found.values, "mu": most}])
@@ -419,7 +419,7 @@ class _Search:
         return stuck if stuck.values["mu"] == most and stuck.score > found.score - FLAT else found
 
     def _basins(self, o: Observations, start: Mapping[str, float]) -> list[dict[str, float]]:
-        """Starts (μ, ε): the best on a grid by `_cost`, and others with less friction, where more slide."""
+        """Starts (μ, ε): the best on a grid by `_cost`, and two with less friction, where more contacts slide."""
         values = {name: p.null for name, p in self.model.parameters.items()} | dict(start)
         here = Comparison(self.model, values, o)
         states = here.before, here.after
@@ -437,7 +437,7 @@ class _Search:
 def _cost(o: Observations, R: np.ndarray) -> float:
     """Mean error in velocity over the better 90 % of the impacts in m/s, from their residuals (n, m).
 
-    A median would ignore μ if more than half of them stick, and no step leads back from a μ at which all stick.
+    A median would ignore μ if more than half of them stick, and a fit cannot leave a μ at which all stick.
     """
     k, d, m = o.rig.k_told, o.space.dimension, o.space.motions
     size = np.abs(R)

@@ -14,20 +14,20 @@ from thesis_lib.datasets.flights.parabolas import SOME, Parabolas
 from thesis_lib.mechanics.space import PLANE, Space
 from thesis_lib.mechanics.state import State
 
-BENDINGS = 2  # steps to the state behind a bent path; each leaves a tenth of the error of a lens of 1 % at 0.25 m
-# nodes on [−1, 1] and weights, of sum 1, by which a flight's path is compared with a parabola; exact to degree 23
+BENDINGS = 2  # iterations for the state of a distorted path; each reduces the error of a 1 % lens at 0.25 m to a tenth
+# nodes on [−1, 1] and weights, of sum 1, for the comparison of a path with a parabola; exact to degree 23
 _ARC, _OF_ARC = leggauss(12)
 _OF_ARC = _OF_ARC / _OF_ARC.sum()
 _PARABOLA = roots_gegenbauer(3, 2.5)  # nodes and weights for (1 − u²)² on [−1, 1]
 _PARABOLA = _PARABOLA[0], _PARABOLA[1] / _PARABOLA[1].sum()
-MANY = 1.0 / 3.0  # share of the flights; where something bends all of them, short ones do not show it
+MANY = 1.0 / 3.0  # fraction of the flights; short flights do not show a curvature that affects all of them
 
 
 @dataclass(frozen=True)
 class Flights(Accelerations):
     """m flights: state at mid-flight, acceleration (m, 3) in m/s², rad/s² with variance (m, 3), span (m,) in s.
 
-    `bent` (b,) are the trials of further flights, which are not parabolas and have no acceleration.
+    `bent` (b,) are the trials of further flights that are not parabolas and do not give an acceleration.
     """
 
     span: np.ndarray
@@ -38,13 +38,13 @@ class Flights(Accelerations):
 
     @staticmethod
     def joined(parts: "Sequence[Flights]") -> "Flights":
-        """The flights of all parts, one after the other."""
+        """Flights of all parts, one after the other."""
         names = [one.name for one in fields(parts[0]) if one.name != "state"]
         arrays = {name: np.concatenate([getattr(part, name) for part in parts]) for name in names}
         return replace(parts[0], state=State.joined([part.state for part in parts]), **arrays)
 
     def of_trials(self, trials: np.ndarray) -> Self:
-        """The flights of the given trials."""
+        """Flights of the given trials."""
         return replace(super().of_trials(trials), bent=self.bent[np.isin(self.bent, trials)])
 
     def residuals(self, dynamics: Dynamics) -> np.ndarray:
@@ -69,7 +69,7 @@ class Flights(Accelerations):
             return self.acceleration - predicted
         predicted = dynamics.acceleration(state)
         if dynamics.model.has_varying_flight:
-            # the slope of the parabola through x(τ) exceeds x'(0) by x''' T²/40
+            # the slope of the parabola fitted to x(τ) exceeds x'(0) by x''' T²/40
             span = self.span[:, None]
             early, late = (
                 dynamics.acceleration(state.with_velocity(state.v + h * predicted)) for h in (-0.25 * span, 0.25 * span)
@@ -85,23 +85,23 @@ class Flights(Accelerations):
                 predicted = predicted + weight * dynamics.acceleration(later)
         beyond = dynamics.arc(tau, dynamics.to_true(state))
         if beyond is not None:
-            # curvature of the parabola through the path's deviation from constant acceleration
+            # curvature of the parabola fitted to the path's deviation from constant acceleration
             predicted = predicted + np.einsum("nw,nwc->nc", of_square, beyond)
         return self.acceleration - predicted
 
     @property
     def are_bent(self) -> bool:
-        """Whether so many are not parabolas that undetected hits cannot explain them."""
+        """Whether too many flights are not parabolas for undetected hits to explain them."""
         return len(self.bent) >= SOME and len(self.bent) > MANY * (len(self.bent) + len(self))
 
 
 def flights_of(found: Parabolas) -> Flights:
-    """The flights that these parabolas measure."""
+    """Flights measured by the given parabolas."""
     state = State.of(found.fitted[:, 0], found.fitted[:, 1], found.trial, found.t)
     return Flights(state, found.variance, found.fitted[:, 2], found.span, bent=found.bent)
 
 
 def no_flights(space: Space = PLANE) -> Flights:
-    """No flights."""
+    """Flights without entries."""
     none = np.zeros((0, space.motions))
     return Flights(State.empty(space), none, none, np.zeros(0))

@@ -1,9 +1,9 @@
-"""Least squares with weights that follow the residuals, by the method of Levenberg and Marquardt, within bounds.
+"""Iteratively reweighted least squares within bounds, by the method of Levenberg and Marquardt.
 
-The cost is any function of the residuals z whose gradient is Jᵀ W z, as −2 log t_ν is with the weights of the t
-distribution.  Weights stay those of the point from which a step goes out (iteratively reweighted least squares):
-where models err by many standard deviations, residuals that are transformed so that their squares add up to the cost
-give steps that are too short by the logarithm of the error.
+The cost is any function of the residuals z with a gradient Jᵀ W z, such as −2 log t_ν with the weights of the t
+distribution.  In each step the weights are fixed at their values at its starting point.  The alternative, residuals
+transformed such that their squares add up to the cost, gives steps that are too short by the logarithm of the error
+if the model errs by many standard deviations.
 
 Sources: Marquardt 1963, doi:10.1137/0111030; Holland and Welsch 1977, doi:10.1080/03610927708827533.
 """
@@ -14,13 +14,13 @@ from typing import NamedTuple
 import numpy as np
 
 STEPS = 12
-TRIES, SHORTER, STRONGER = 4, 0.1, 30.0  # of one step; the damping of the second one at least, and its growth from then
+TRIES, SHORTER, STRONGER = 4, 0.1, 30.0  # tries per step; least damping of the second try, and its growth from there
 ENOUGH = 1e-3  # nats; the search ends below this gain per step, a twentieth of a standard error
-NEAR = 3e-2  # the same of a fit that is only compared; the step that gains it ends within a tenth of its length
+NEAR = 3e-2  # nats, for a fit that is only compared; the step with this gain ends within a tenth of its length
 
 
 class Weighted(NamedTuple):
-    """What a model leaves at one point: its cost, residuals z (N,), and the square roots (N,) of their weights."""
+    """Misfit of a model at one point: cost, residuals z (N,), and square roots (N,) of their weights."""
 
     cost: float
     z: np.ndarray
@@ -37,9 +37,9 @@ def levenberg_marquardt(
 ) -> Generator[list[np.ndarray], list[Weighted], np.ndarray]:
     """Minimise the cost over x (p,) within the bounds `low`, `high`.
 
-    It yields the points at which it needs residuals, gets those of each, and returns the best point; so several
-    searches can share their calls.  `step` (p,) is that of finite differences; a step that gains less than `enough` is
-    the last.  Before, the differences are so many times `wider`, one after the other, which lead over jumps of z.
+    The generator yields the points at which it needs residuals, receives them, and returns the best point; several
+    searches can therefore share their calls.  `step` (p,) is the step of finite differences; a step that gains less
+    than `enough` is the last.  Steps multiplied by the factors `wider` are used first, in turn, to pass jumps of z.
     """
     (here,) = yield [x]
     damping, widths = 1e-3, [*wider, 1.0]
@@ -50,7 +50,7 @@ def levenberg_marquardt(
         J = np.stack([here.weight * (other.z - here.z) / h_i for other, h_i in zip(moved, h)], axis=1)
         JtJ, g = J.T @ J, J.T @ (here.weight * here.z)
         for _ in range(TRIES):
-            # keep parameters at a bound if their step leaves the box
+            # keep parameters at a bound if their step would leave the bounds
             held = ((x <= low) & (g > 0)) | ((x >= high) & (g < 0))
             move = ~held
             d = np.zeros_like(x)

@@ -1,8 +1,8 @@
 """Observations of impacts and flights with covariance: the data of the critique.
 
-A straight line is fitted to the samples on either side of each impact separately (`datasets/flights/lines.py`), because
-how the arcs meet is itself to be tested.  The lines give pose and velocity at the impact for *any* acceleration of a
-model (gravity, drag, tilt, ...).  Flights that are long enough also give their acceleration (`flights`).
+A straight line is fitted separately to the samples on each side of each impact (`datasets/flights/lines.py`), because
+the continuity of the arcs at the impact is itself tested.  The lines give pose and velocity at the impact for *any*
+acceleration of a model (gravity, drag, tilt, ...).  Long flights also give their acceleration (`flights`).
 """
 
 from collections.abc import Mapping, Sequence
@@ -32,39 +32,39 @@ from thesis_lib.mechanics.inertia import in_world
 from thesis_lib.mechanics.space import PLANE, Space
 from thesis_lib.mechanics.state import State
 
-UNKNOWN = 100.0  # times what is known of a spin, or a gap: so wide that it says nothing
-UPRIGHT = 1e-9  # of the direction of gravity: less is rounding
-OF_STEPS = 1e-3  # of gravity: a step Δ of a simulation with the damping c changes accelerations by the share c Δ/2
+UNKNOWN = 100.0  # factor on the sigma of a spin or a gap that makes it uninformative
+UPRIGHT = 1e-9  # in the direction of gravity: smaller differences are rounding
+OF_STEPS = 1e-3  # relative to gravity: a step Δ in a simulation with damping c changes accelerations by the part c Δ/2
 LONGEST_WAIT = 0.03  # s from the last sample before an episode to its touch
-LATE = 8e-3  # s by which noise may make the last hit of an episode late
+LATE = 8e-3  # s by which noise may delay the last hit of an episode
 FOR_MODELS, OF_SAMPLES = ("trial", "surface", "t", "span", "value", "slope", "bow", "offset"), ("nodes", "weights")
 ROWS = (*FOR_MODELS, *OF_SAMPLES, "impact", "hits", "cov", "t_std")
 
 
 @dataclass(frozen=True)
 class Observations:
-    """n impacts and m flights of one dataset; sides are before and after, channels x, y, θ.
+    """n impacts and m flights of one dataset; axis `side` is before and after, axis `channel` x, y, θ.
 
     Attributes:
         rig: believed body and rig.
-        trial, t: (n,), t in s; of an episode the instant of the first touch.
-        surface: (n,) number of the wall that was hit, in whose frame the states are; 0 on one surface.
-        impact, hits: (n,) number of the (first) hit in its trial, and number of hits detected in it.
+        trial, t: (n,), t in s; for an episode the instant of the first touch.
+        surface: (n,) number of the wall that was hit, which defines the frame of the states; 0 on a single surface.
+        impact, hits: (n,) number of the (first) hit in its trial, and number of detected hits.
         span: (n,) s from `t` to the instant of the state after, within the flight after the last hit; 0 for a single
-            hit, which both states belong to.
-        value, slope, bow, nodes, weights: as in `datasets/flights/lines.py`; `value` has no NaN.
+            hit, where both instants coincide.
+        value, slope, bow, nodes, weights: as in `datasets/flights/lines.py`; `value` does not contain NaN.
         cov: (n, 2, 3, 2, 2) covariance of (value, slope), by side and channel; in space (n, 2, 12, 12), of the value
-            and slope of each channel in turn, as the turns about all axes are known together.
+            and slope of each channel in turn, because the turns about the axes are correlated.
         t_std: (n,) standard deviation of the instant t_c, s.
-        offset: (n, 2) contact point of the dataset minus that of the shape, m; zero for trajectories.
+        offset: (n, 2) contact point of the dataset minus contact point of the shape, m; zero for trajectories.
         arcs: whether there are trajectories, which measure the poses before and after separately.
-        flights: accelerations, or none.
-        supports: further evidence beside impacts, as of rests; each with at least one row.
+        flights: accelerations of flights; may be empty.
+        supports: further evidence in addition to impacts, such as rests; each with at least one row.
         noise_known: whether `cov` is measured or stated; else only the scatter is known.
         found: result of the detection; its impacts are these n.
-        spin: rad/s, one sigma of the spin before an impact where nobody measured it, and the states say 0; else 0.
-        touch_std: m, one sigma of a gap that says nothing, as a simulation looks for contacts once a step; else 0.
-        written: what leads from these states to those of the file, where they were found with another reading.
+        spin: rad/s, one sigma of the spin before an impact if it was not measured and the states contain 0; else 0.
+        touch_std: m, one sigma of an uninformative gap of a simulation that checks contacts once per step; else 0.
+        written: effects that lead from these states to the states in the file, if the file was read differently.
     """
 
     rig: Rig
@@ -93,7 +93,7 @@ class Observations:
 
     @property
     def beside(self) -> tuple[Beside, ...]:
-        """All that is measured beside impacts, flights first, even if there are none."""
+        """All evidence in addition to impacts: flights first (possibly empty), then supports."""
         return (self.flights, *self.supports)
 
     def __len__(self) -> int:
@@ -101,7 +101,7 @@ class Observations:
 
     @property
     def space(self) -> Space:
-        """Where the body moves."""
+        """The plane or space in which the body moves."""
         return self.rig.space
 
     def norm(self, dv: np.ndarray) -> np.ndarray:
@@ -114,14 +114,14 @@ class Observations:
         return np.sqrt(np.einsum("...ni,nij,...nj->...n", dv, self.metric, dv))
 
     def as_speeds(self, dv: np.ndarray) -> np.ndarray:
-        """Changes of the motions (n, d + turns) in coordinates in m/s in which their length is `norm`."""
+        """Changes of the motions (n, d + turns) in m/s, in coordinates in which their Euclidean length is `norm`."""
         if self.space.is_plane:
             return dv * [1.0, 1.0, self.rig.k_told]
         return np.einsum("nji,nj->ni", np.linalg.cholesky(self.metric), dv)
 
     @property
     def metric(self) -> np.ndarray:
-        """The squares of `norm` as a form (n, d + turns, d + turns) of changes of the motions."""
+        """Quadratic forms (n, d + turns, d + turns) of changes of the motions that give the squares of `norm`."""
         d, rig = self.space.dimension, self.rig
         form = np.tile(np.diag(np.repeat([1.0, rig.k_told**2], [d, self.space.turns])), (len(self), 1, 1))
         if rig.tensor is not None:
@@ -129,21 +129,21 @@ class Observations:
         return form
 
     def lines(self, side: int) -> State:
-        """The states by value and slope of the lines before (0) or after (1) the impacts."""
+        """States with the value and slope of the lines before (0) or after (1) the impacts."""
         t = self.t if side == 0 else self.t + self.span
         surface = self.surface if self.rig.walls else None
         return State.of(self.value[:, side], self.slope[:, side], self.trial, t, surface, self.space)
 
     @property
     def blocks(self) -> list[tuple[list[int], np.ndarray]]:
-        """Channels that are independent of each other, each with the covariance (n, side, 2c, 2c) of its c channels."""
+        """Independent groups of c channels, each with its covariance (n, side, 2c, 2c)."""
         if self.space.is_plane:
             return [([channel], self.cov[:, :, channel]) for channel in range(3)]
         return [(list(range(self.space.motions)), self.cov)]
 
     @property
     def steps(self) -> np.ndarray:
-        """Standard deviation of each datum, (n, side, channel, value or slope); small where none is known."""
+        """Standard deviation of each datum, (n, side, channel, value or slope); small where it is unknown."""
         variance = np.concatenate(
             [np.einsum("nsii->nsi", cov).reshape(*cov.shape[:2], -1, 2) for _, cov in self.blocks], axis=2
         )
@@ -152,7 +152,7 @@ class Observations:
 
     @cached_property
     def noisy(self) -> list:
-        """Last result of `Comparison.noisy`: models, their values, and the residuals."""
+        """Last results of `Comparison.noisy`: models, their values, and the residuals."""
         return []
 
     def select(self, trials: np.ndarray) -> "Observations":
@@ -163,9 +163,9 @@ class Observations:
 
     @property
     def middle(self) -> Reference:
-        """Mean place, time and number of the impacts, to a millimetre, a millisecond and a release.
+        """Mean place, time and trial number of the impacts, rounded to a millimetre, a millisecond and a trial.
 
-        Between walls x is the place along one of them, and has no middle.
+        With walls, x is the place along one of them, and is not averaged.
         """
         if not len(self):
             return ORIGIN
@@ -174,41 +174,41 @@ class Observations:
         return Reference(round(x, 3), round(float(self.t.mean()), 3), float(round(self.trial.mean())), y)
 
     def counted_from(self, reference: Reference) -> "Observations":
-        """The same, with another reference of the effects."""
+        """Copy with another reference of the effects."""
         return replace(self, rig=replace(self.rig, reference=reference))
 
     @property
     def single(self) -> "Observations":
-        """The impacts of a single hit, with all flights."""
+        """Impacts that are single hits, with all flights."""
         return self if not self.span.any() else self.rows(np.flatnonzero(self.span == 0.0))
 
     def rows(self, rows: np.ndarray) -> "Observations":
-        """The impacts at `rows` (indices), with all flights and all that was found."""
+        """Impacts at `rows` (indices), with all flights and the whole result of the detection."""
         return replace(self, **{name: getattr(self, name)[rows] for name in ROWS})
 
     def followed_by(self, others: "Sequence[Observations]") -> "Observations":
-        """These impacts and flights, then those of others on the same rig, for a model."""
+        """These impacts and flights, then the impacts and flights of others on the same rig, as input of a model."""
         parts = [self, *others]
         arrays = {name: np.concatenate([getattr(o, name) for o in parts]) for name in FOR_MODELS + OF_SAMPLES}
         return replace(self, **arrays, flights=self.flights.joined([o.flights for o in parts]))
 
     def tiled(self, copies: int, with_samples: bool) -> "Observations":
-        """The impacts repeated `copies` times, for a model; without samples `nodes` and `weights` are not repeated."""
+        """Impacts repeated `copies` times, as input of a model; `nodes` and `weights` only if `with_samples`."""
         names = FOR_MODELS + OF_SAMPLES * with_samples
         return replace(self, **{name: np.concatenate([getattr(self, name)] * copies) for name in names})
 
     def part(self, rows: slice, with_samples: bool) -> "Observations":
-        """The fields of some of the impacts that a model needs, without a copy."""
+        """Impacts at `rows`, as input of a model, without copying arrays."""
         return replace(self, **{name: getattr(self, name)[rows] for name in FOR_MODELS + OF_SAMPLES * with_samples})
 
 
 def observe(
     dataset: Dataset, settings: ArcSettings | None = None, episodes: bool = True, channels: Sequence[str] = ()
 ) -> Observations:
-    """Observations from trajectories with detected impacts, or else from impacts.csv.
+    """Observations of a dataset, from trajectories with detected impacts, otherwise from impacts.csv.
 
-    `episodes`: also hits that follow each other too quickly to see the flight between (`datasets.impacts.episodes`);
-    `channels`: further evidence, "rest" and "slide" (`supports`).
+    `episodes`: include hits in such quick succession that the flight between is not observed
+    (`datasets.impacts.episodes`); `channels`: further evidence, "rest" and "slide" (`supports`).
     """
     rig, header = rig_of(dataset), dataset.header
     found = find_impacts(dataset, settings)
@@ -220,7 +220,7 @@ def observe(
     if not rig.has_angle:
         speed = np.hypot(*found.impacts.v_pre[:, :2].T)
         single = without_angle(single, unseen_spin(speed, header))
-    # what touches two walls at once is left out
+    # hits of two walls at the same time are left out
     if not episodes or rig.walls or not rig.has_angle:
         return single
     settings = (settings or ArcSettings()).model_copy(update={"guard": found.guard})
@@ -228,7 +228,7 @@ def observe(
 
 
 def rig_of(dataset: Dataset, surface: int = 0) -> Rig:
-    """Rig as dataset.yaml states it; in space as seen in the frame of the surface of that number."""
+    """Rig as stated in dataset.yaml; in space, in the frame of the surface with the given number."""
     if dataset.space.is_plane:
         walls = dataset.header.surfaces or ()
         return Rig(dataset.shape, dataset.k_g, dataset.gravity, dataset.height, walls, dataset.has_angle)
@@ -243,13 +243,13 @@ def rig_of(dataset: Dataset, surface: int = 0) -> Rig:
 
 
 def single_hits(n: int, space: Space = PLANE) -> dict[str, Any]:
-    """Defaults of n impacts: single hits on one surface, with the contact point of the shape."""
+    """Default arrays of n impacts: single hits on one surface, with the contact point of the shape."""
     arrays = {"surface": np.zeros(n, int), "hits": np.ones(n, int), "offset": np.zeros((n, space.dimension))}
     return arrays | {"span": np.zeros(n), "t_std": np.zeros(n)}
 
 
 def as_stated(q: np.ndarray, motion: np.ndarray, t: np.ndarray, space: Space = PLANE) -> dict[str, Any]:
-    """Those of stated impacts: poses q (n, ·), motions (n, 2, d + turns) before and after, t (n,) in s or NaN."""
+    """Arrays of stated impacts: poses q (n, ·), motions (n, 2, d + turns) before and after, t (n,) in s or NaN."""
     n, known = len(q), t[np.isfinite(t)]
     arrays = {"t": np.where(np.isfinite(t), t, float(known.mean()) if len(known) else 0.0)}
     arrays |= {"value": np.stack([q, q], axis=1), "slope": motion, "bow": np.zeros((n, 2, 2))}
@@ -274,7 +274,7 @@ def _from_impacts(found: FoundImpacts, rig: Rig) -> Observations:
 
 def _from_samples(samples: Samples, found: FoundImpacts, rig: Rig) -> Observations:
     impacts, arcs = found.impacts, found.used_arcs
-    # a window that detection cut short at a bent arc stays short
+    # a window that the detection shortened at a curved arc stays short
     most = arcs[["n_pre", "n_post"]].to_numpy()
     edges, variance = found.hits.edges(impacts.trial, impacts.t, found.guard), found.noise.variance(bool(rig.walls))
     lines = side_lines(samples, impacts.trial, impacts.t, edges, most, variance)
@@ -298,7 +298,7 @@ def _from_samples(samples: Samples, found: FoundImpacts, rig: Rig) -> Observatio
 
 
 def _on_floors(o: Observations, walls: Sequence[Wall]) -> Observations:
-    """The impacts in the frames of the walls that were hit; flights stay as they were filmed."""
+    """Observations with impacts in the frames of the walls that were hit; flights keep the axes of the recording."""
     wall = o.surface
     value = np.stack([in_wall_frame(walls, wall, o.value[:, side]) for side in (0, 1)], axis=1)
     slope = np.einsum("nij,nsj->nsi", turns(walls, wall), o.slope)
@@ -306,15 +306,15 @@ def _on_floors(o: Observations, walls: Sequence[Wall]) -> Observations:
 
 
 def without_angle(o: Observations, spin: float) -> Observations:
-    """Observations in which nobody knows the angle, or the spin after an impact; `spin` is one sigma of that before.
+    """Observations with unknown angle and unknown spin after an impact; `spin` is one sigma of the spin before.
 
-    The unknown spin is a nuisance: predictions are the mean over it, and their covariance holds what it does.
+    The unknown spin is a nuisance parameter: predictions are averaged over it; their covariance includes its effect.
     """
     value, cov, variance = o.value.copy(), o.cov.copy(), o.flights.variance.copy()
     if not o.space.is_plane:
         cov[:, :, 6:] = cov[:, :, :, 6:] = 0.0
         cov[:, :, [6, 8, 10], [6, 8, 10]], cov[:, 1, [7, 9, 11], [7, 9, 11]] = 1.0, (UNKNOWN * spin) ** 2
-        variance[:, [*range(3, 6), *range(9, variance.shape[1])]] = UNKNOWN**2  # accelerations of the turning
+        variance[:, [*range(3, 6), *range(9, variance.shape[1])]] = UNKNOWN**2  # angular accelerations
         return replace(o, cov=cov, flights=replace(o.flights, variance=variance), spin=spin)
     value[:, :, 2] = 0.0
     cov[:, :, 2] = np.diag([1.0, (UNKNOWN * spin) ** 2])
@@ -324,7 +324,7 @@ def without_angle(o: Observations, spin: float) -> Observations:
 
 
 def _with_episodes(single: Observations, samples: Samples, header: Header, settings: ArcSettings) -> Observations:
-    """The single hits and the episodes, by trial and time; what the episodes hold is no longer left out."""
+    """Single hits and episodes, sorted by trial and time; hits in episodes are not listed as left out any more."""
     found, rig = single.found, single.rig
     names = ["trial", "impact"]
     all_hits = found.arcs[[*names, "t", "gap"]].merge(found.left_out[[*names, "reason"]], how="left", on=names)
@@ -338,7 +338,7 @@ def _with_episodes(single: Observations, samples: Samples, header: Header, setti
     open_ends = np.full(len(table), np.inf)
     edges = np.stack([-open_ends, later(start), -later(-end), open_ends], axis=1)
     t = _touch(samples, trial, start, edges, most, rig)
-    # a hit that a model makes a little late, because its start is noisy, must not fall behind the state after
+    # a hit that the model predicts slightly late, because of a noisy start, must precede the state after
     middle = samples.position(trial, end) + (most[:, 1] - 1) // 2
     end = np.minimum(end + LATE, samples.t[middle])
     before, after = (side_lines(samples, trial, at, edges, most, found.noise.variance(False)) for at in (t, end))
@@ -349,7 +349,7 @@ def _with_episodes(single: Observations, samples: Samples, header: Header, setti
 
 
 def with_episodes(single: Observations, episodes: Mapping[str, np.ndarray], table: pd.DataFrame) -> Observations:
-    """Single hits and `episodes`, by trial and time; the hits of the `table` of episodes are no longer left out."""
+    """Single hits and `episodes`, by trial and time; hits in the `table` of episodes no longer count as left out."""
     trial, t, left_out = episodes["trial"], episodes["t"], single.found.left_out
     order = np.lexsort((np.concatenate([single.t, t]), np.concatenate([single.trial, trial])))
     arrays = {name: np.concatenate([getattr(single, name), episodes[name]])[order] for name in ROWS}
@@ -362,7 +362,7 @@ def with_episodes(single: Observations, episodes: Mapping[str, np.ndarray], tabl
 def _touch(
     samples: Samples, trial: np.ndarray, start: np.ndarray, edges: np.ndarray, most: np.ndarray, rig: Rig
 ) -> np.ndarray:
-    """Instants (n,) in s at which the believed body touches the believed surface, as the flight before goes on."""
+    """Instants (n,) in s at which the believed body touches the believed surface if the flight before continues."""
     lines = side_lines(samples, trial, start, edges, most, np.ones(3))
     a = np.array([0.0, -rig.gravity, 0.0])
     value, slope = (

@@ -1,7 +1,7 @@
-"""Covariance of fitted parameters that trusts neither the noise nor the model: the sandwich of an M-estimator.
+"""Covariance of fitted parameters that is robust to errors of noise and model: the sandwich of an M-estimator.
 
-Impacts of one trial share what the model misses (the same side of the body, the same place, the same spin), so that the
-trials, and not the impacts, are what is independent.
+Impacts of one trial share model errors (the same side of the body, the same place, the same spin); therefore trials
+are treated as independent, not impacts.
 """
 
 from collections.abc import Mapping
@@ -15,15 +15,15 @@ from thesis_lib.critique.likelihood.comparison import Comparison
 from thesis_lib.critique.likelihood.observations import Observations
 from thesis_lib.critique.likelihood.whitening import NU, SIGMA_LOW, Whitening
 
-# of the likelihood, over that of a normal one: the floor for tails heavier than Student's t
+# least curvature of the likelihood relative to a normal one, for tails heavier than Student's t
 LEAST_CURVATURE = 0.1
-STEP = 1e-3  # of a parameter's scale, for central differences
+STEP = 1e-3  # relative to a parameter's scale: step of central differences
 
 
 def sandwich(whitening: Whitening, values: Mapping[str, float], step: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Sandwich covariance (p, p) of the fitted parameters, as of an M-estimator, and standard errors (p,) by trial.
+    """Sandwich covariance (p, p) of the fitted parameters, as for an M-estimator, and standard errors (p,) by trial.
 
-    Both are from slopes over `step` (p,).
+    Both use finite differences over `step` (p,).
 
     With weights w = (ν + m)/(ν + d²) of the likelihood's gradient and J the Jacobian of the whitened residuals z,
 
@@ -31,11 +31,11 @@ def sandwich(whitening: Whitening, values: Mapping[str, float], step: np.ndarray
 
     summed over impacts and flights, with the mean ⟨⟩ over each.  For normal residuals this is 1.02 times the Cramér-Rao
     bound.  Residuals larger than S predicts widen it; smaller ones do not narrow it.  The standard errors are the roots
-    of its diagonal, or larger where
+    of its diagonal, or of the following diagonal where
 
         H⁻¹ B_n H⁻¹,   B_n = n/(n − 1) Σ_k g_k g_kᵀ,   g_k = Σ w Jᵀz over the impacts and flights of trial k
 
-    of the n trials says more (Liang and Zeger 1986, doi:10.1093/biomet/73.1.13).
+    over the n trials is larger (Liang and Zeger 1986, doi:10.1093/biomet/73.1.13).
     """
     free, o = whitening.model.fitted_parameters, whitening.observations
     steps = [inward(p, values[name], h) for h, (name, p) in zip(step.tolist(), free.items())]
@@ -59,9 +59,9 @@ def sandwich(whitening: Whitening, values: Mapping[str, float], step: np.ndarray
         B += b * information
         own += np.einsum("n,nmp,nmq->pq", w, J, J) - np.einsum("n,np,nq->pq", 2.0 * w / (NU + d2), Jz, Jz)
         np.add.at(scores, rows, w[:, None] * Jz)
-    unseen = whitening.model.unseen(o.rig)  # what is not fitted has no scatter
+    unseen = whitening.model.unseen(o.rig)  # directions that are not fitted do not scatter
     H, own = H + unseen.T @ unseen, own + unseen.T @ unseen
-    # scaled by the information of each parameter, so that units do not matter
+    # scaled by the information of each parameter: independent of units
     unit = np.sqrt(np.diag(H))
     unit = np.outer(unit, unit) + (unit == 0.0) + (unit == 0.0)[:, None]
     inverse = np.linalg.pinv(H / unit, hermitian=True) / unit
@@ -72,7 +72,7 @@ def sandwich(whitening: Whitening, values: Mapping[str, float], step: np.ndarray
 
 
 def _inverse_above(H: np.ndarray, least: np.ndarray) -> np.ndarray:
-    """Inverse of the symmetric H, none of whose curvatures counts as less than that of `least`; both (p, p)."""
+    """Inverse of the symmetric H, with curvatures raised to at least those of `least`; both (p, p)."""
     values, axes = np.linalg.eigh(least)
     kept = values > values.max(initial=0.0) * 1e-12
     root = axes[:, kept] / np.sqrt(values[kept])
@@ -82,13 +82,13 @@ def _inverse_above(H: np.ndarray, least: np.ndarray) -> np.ndarray:
 
 
 def _lesser(one: np.ndarray, other: np.ndarray) -> np.ndarray:
-    """Of the slopes to either side the flatter one: one side may cross a jump, as where a body hits once more."""
+    """The flatter of the slopes to both sides: one side may cross a jump, for example where a body hits once more."""
     return np.where(np.abs(one) < np.abs(other), one, other)
 
 
 @lru_cache
 def _of_normal(m: int) -> tuple[float, float]:
-    """The same for normal residuals."""
+    """a and b of `sandwich` for normal residuals in m dimensions."""
     return _curvature_and_variance(chi2.ppf((np.arange(2000) + 0.5) / 2000, m), m)
 
 
@@ -100,7 +100,7 @@ def _curvature_and_variance(d2: np.ndarray, m: int) -> tuple[float, float]:
 
 
 def cramer_rao(model: Model, true: Mapping[str, float], observations: Observations) -> dict[str, float]:
-    """Cramér-Rao bound on the std of each parameter, by name.
+    """Cramér-Rao bound on the standard deviation of each parameter, by name.
 
     The Fisher information is JᵀJ of the whitened residuals at the true values, with measured noise and no scatter.
     """

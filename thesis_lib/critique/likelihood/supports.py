@@ -1,18 +1,18 @@
-"""Evidence of bodies that lie or slide on the surface, beside impacts: no law of impacts has a say in where they lie.
+"""Evidence from bodies that rest or slide on the surface; where bodies rest does not depend on the impact law.
 
-    rest    (φ_n at the angle at which the body lies, θ − that angle),          of the true pose behind the measured one
+    rest    (φ_n at the angle θ_0 at which the body lies flat, θ − θ_0), for the true pose of the measured one
     slide   a − â,   â = a_t − μ_s a_n sgn(v_t),  a_t, a_n: acceleration in flight along and into the surface
 
-In space the lean is the turn about t_1 and t_2 from the nearest stand to how the body lies, and friction is against the
-velocity.  An attitude that was read wrongly shows as a large turn, as the model's pose says which stand is nearest.
+In space the lean is the turn about t_1 and t_2 from the nearest stable pose to the true pose, and friction opposes the
+velocity.  A wrongly read attitude appears as a large turn, because the model's pose determines the nearest stable pose.
 
-They are found by `thesis_lib/datasets/impacts/supports.py`.  Rests separate an angle offset from all that acts at
-impacts, and a surface at another height from rounded corners, which a body does not lie on; slides show friction.  μ_s
-is that of impacts unless `sliding_friction` is on.
+`thesis_lib/datasets/impacts/supports.py` finds rests and slides.  Rests distinguish an angle offset from effects at
+impacts, and a surface at another height from rounded corners, on which a body does not rest; slides show friction.  μ_s
+is the friction of impacts unless the effect `sliding_friction` is included.
 
 | on paper  | in code                 | unit    | shape  |                                               |
 |-----------|-------------------------|---------|--------|-----------------------------------------------|
-| φ_n, θ    | `residuals` of `Rests`  | m, rad  | (m, 2) | gap, and angle to that at which the body lies |
+| φ_n, θ    | `residuals` of `Rests`  | m, rad  | (m, 2) | gap, and angle from lying flat                |
 | a − â     | `residuals` of `Slides` | m/s²    | (m, 1) | along the surface                             |
 |           | of `SpaceRests`, `SpaceSlides` |  | (m, 3), (m, 2) | the same in space                      |
 """
@@ -36,12 +36,12 @@ from thesis_lib.effects.effect import Rig
 from thesis_lib.mechanics.space import SPACE
 from thesis_lib.mechanics.state import State
 
-_H = 1e-3  # s, for the acceleration that a camera reports: its map is linear in the velocity
+_H = 1e-3  # s, step for the acceleration that a camera reports: its map is linear in the velocity
 
 
 @dataclass(frozen=True)
 class Rests(Beside):
-    """Bodies that lie still."""
+    """Bodies at rest in the plane."""
 
     channel = "rest"
 
@@ -52,14 +52,14 @@ class Rests(Beside):
         return np.stack([dynamics.gap(true.moved(theta=flat)), true.theta - flat], axis=1)
 
     def less(self, residuals: np.ndarray) -> Self:
-        """The same, lower and turned back by (m, 2)."""
+        """Copy, lowered and turned back by `residuals` (m, 2)."""
         lower = self.state.moved(y=self.state.y - residuals[:, 0], theta=self.state.theta - residuals[:, 1])
         return replace(self, state=lower)
 
 
 @dataclass(frozen=True)
 class Slides(Accelerations):
-    """Bodies that slide without turning; `acceleration` (m, 1) along the surface in m/s²."""
+    """Bodies that slide without rotation; `acceleration` (m, 1) along the surface in m/s²."""
 
     channel = "slide"
 
@@ -73,7 +73,7 @@ class Slides(Accelerations):
 
 @dataclass(frozen=True)
 class SpaceRests(Beside):
-    """Bodies that lie still, of one solid."""
+    """Bodies at rest in space, all of one solid."""
 
     symmetry: Symmetry
 
@@ -88,7 +88,7 @@ class SpaceRests(Beside):
         return np.stack([dynamics.gap(standing), *turn[:2]], axis=1)
 
     def less(self, residuals: np.ndarray) -> Self:
-        """The same, lower and turned back by (m, 3)."""
+        """Copy, lowered and turned back by `residuals` (m, 3)."""
         gap, *turn = residuals.T
         attitude = SPACE.attitude_after(self.state.attitude, -np.stack([*turn, 0.0 * gap]))
         position = self.state.position - gap * UP
@@ -97,7 +97,7 @@ class SpaceRests(Beside):
 
 @dataclass(frozen=True)
 class SpaceSlides(Slides):
-    """The same in space; `acceleration` (m, 2) along the surface in m/s², over `span` (m,) in s."""
+    """Bodies that slide in space; `acceleration` (m, 2) along the surface in m/s², over `span` (m,) in s."""
 
     span: np.ndarray
 
@@ -111,7 +111,7 @@ class SpaceSlides(Slides):
 
 
 def supports_of(found: FoundImpacts, header: Header, channels: Sequence[str]) -> tuple[Beside, ...]:
-    """The evidence of these `channels` that trajectories hold of a body that falls on one surface."""
+    """Evidence of the given `channels` in planar trajectories of a body that falls onto a single surface."""
     if found.samples is None or header.surfaces is not None or not header.gravity:
         return ()
     parts = []
@@ -127,7 +127,7 @@ def supports_of(found: FoundImpacts, header: Header, channels: Sequence[str]) ->
 def supports_in_space(
     states: State, samples: Samples, hits: Hits, rig: Rig, noise: tuple[float, float]
 ) -> tuple[Beside, ...]:
-    """The rests and slides of the believed body in space, as `resting_and_sliding` finds them."""
+    """Rests and slides of the believed body in space, found by `resting_and_sliding`."""
     if not rig.gravity or not len(states):
         return ()
     symmetry = Symmetry(rig.shape, np.asarray(rig.tensor))  # pyright: ignore[reportArgumentType]

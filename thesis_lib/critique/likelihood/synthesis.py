@@ -1,4 +1,4 @@
-"""Measurements drawn from a model: what a critique of its own data starts from."""
+"""Measurements drawn from a model, for a critique of simulated data."""
 
 from dataclasses import replace
 
@@ -11,14 +11,14 @@ from thesis_lib.mechanics.state import State
 
 
 def synthesise(comparison: Comparison, rng: np.random.Generator, scatter: float = 0.0) -> Observations:
-    """Observations drawn from a model, at the states and with the noise of those that it is compared with.
+    """Observations drawn from a model, with the states and the noise of the observations in `comparison`.
 
     The states before impact and at mid-flight are taken as true.  `scatter`: σ_m in m/s of the velocity after impact.
     """
     dynamics, o, before = comparison.dynamics, comparison.observations, comparison.before
     space = o.space
     if o.arcs:
-        # at impact the body touches: set its measured height accordingly
+        # the body touches at impact: set its measured height accordingly
         true = dynamics.to_true(before)
         raise_by = dynamics.gap(true) + dynamics.strike(before, o.offset)[1]
         up = np.eye(space.dimension)[:, -1:]
@@ -36,7 +36,7 @@ def synthesise(comparison: Comparison, rng: np.random.Generator, scatter: float 
     after = State.of(q, v, o.trial, o.t + o.span, before.surface, space)
     value, slope = np.empty_like(o.value), np.empty_like(o.slope)
     if o.arcs:
-        # `after` contains the jump already: the pose is that of before plus one jump
+        # `after` already contains the jump: use the pose before plus one jump
         met = np.where(played[:, None], q, space.shift(before.pose, dynamics.jump(before, after).T).T)
         sides = before, State.of(met, v, o.trial, after.t, after.surface, space)
         for side, state in enumerate(sides):

@@ -1,10 +1,10 @@
 """Whitened residuals of a model, and their likelihood under Student's t distribution.
 
     log score of an impact   log t_ν(R; 0, S),   ν = 8, in m dimensions
-    log score beside impacts the same, as of a flight in 3 dimensions (`beside`)
+    log score beside impacts the same, for example of a flight in 3 dimensions (`beside`)
 
 The t distribution limits the influence of single impacts; for Gaussian residuals it loses 2 % of efficiency.  The
-scatter σ_m that neither noise nor model explains is added to S: it has σ_m² D on the velocities after impact,
+scatter σ_m that neither noise nor model explains is added to S: it adds σ_m² D to the velocities after impact, with
 D = diag(1, 1, 1/k²), in space diag(1, 1, 1, 1/k², 1/k², 1/k²).
 """
 
@@ -25,18 +25,18 @@ from thesis_lib.foundation.forked import each
 from thesis_lib.mechanics.state import State
 
 NU = 8.0
-BESIDE_STATES = ("span", "offset")  # the observations' arrays that a prediction needs beside the states
+BESIDE_STATES = ("span", "offset")  # arrays of the observations that a prediction needs in addition to the states
 Parts = tuple[np.ndarray, ...]
 OfFlights = tuple[tuple[State, State], np.ndarray]  # states at impact, whitened residuals of flights
-KEPT = 2  # states of the point where a search stands, and of the next one that it tries
+KEPT = 2  # cached points: the current one of a search, and its next try
 SIGMA_LOW, SIGMA_HIGH = 1e-5, 3.0  # m/s, range of σ_m
 
 
 class Whitening:
     """Whitened residuals of a model at fixed S and σ_m.
 
-    `known` are values and the residuals (n, m) at them.  States at impact and flights at the last few parameters that
-    they depend on are kept.
+    `known` are values with their residuals (n, m).  States at impact and residuals of flights are cached for the last
+    few values of the parameters on which they depend.
     """
 
     def __init__(
@@ -53,41 +53,41 @@ class Whitening:
         self._log_det = 2.0 * np.log(np.einsum("nii->ni", L)).sum(1)
         self._kept: dict[tuple, OfFlights] = {}
         self.known = known
-        self._whole: tuple[Whitening, np.ndarray] | None = None  # what this is of some trials of, and these
+        self._whole: tuple[Whitening, np.ndarray] | None = None  # whole of a part, and its trials
 
     def of(self, trials: np.ndarray) -> "Whitening":
-        """The same of some trials; where all such parts ask for the same points, `together` predicts the whole once."""
+        """Whitening of some trials; if all such parts request the same points, `together` predicts the whole once."""
         rows = np.isin(self.observations.trial, trials)
         part = Whitening(self.model, self.observations.select(trials), self.S[rows], self.sigma_m)
         part._whole = self, trials
         return part
 
     def _part(self, z: Parts, trials: np.ndarray) -> Parts:
-        """Whitened residuals of some trials, of those of all."""
+        """Whitened residuals of some trials, selected from the residuals z of all trials."""
         o = self.observations
         parts = [part[np.isin(of.trial, trials)] for part, of in zip(z, (o, *o.beside))]
         return *parts[:2], *filter(len, parts[2:])
 
     @classmethod
     def at(cls, model: Model, values: Mapping[str, float], observations: Observations) -> "Whitening":
-        """With the covariance and the most probable σ_m of the model at `values`."""
+        """Whitening with the covariance and the most probable σ_m of the model at `values`."""
         noisy = Comparison(model, values, observations).noisy
         S = noisy.covariance()
         sigma_m = most_probable_scatter(noisy.value, S, observations)
         return cls(model, observations, S, sigma_m, (dict(values), noisy.value))
 
     def settled(self, values: Mapping[str, float]) -> "Whitening":
-        """The same with the σ_m that is most probable at `values`."""
+        """Copy with the σ_m that is most probable at `values`."""
         R = Comparison(self.model, values, self.observations).R
         sigma_m = most_probable_scatter(R, self.S, self.observations)
         return Whitening(self.model, self.observations, self.S, sigma_m, (dict(values), R))
 
     def __call__(self, values: Mapping[str, float]) -> Parts:
-        """Whitened residuals of impacts (n, m), flights (f, 3), and whatever else is measured beside impacts."""
+        """Whitened residuals of impacts (n, m), flights (f, 3), and all further evidence in addition to impacts."""
         return self.many([values])[0]
 
     def many(self, points: Sequence[Mapping[str, float]]) -> list[Parts]:
-        """Whitened residuals, as a call gives them, for each of several sets of values."""
+        """Whitened residuals, as returned by a call, for each of several sets of values."""
         return together([(self, points)])[0]
 
     def stacked(self, values: Mapping[str, float]) -> np.ndarray:
@@ -95,7 +95,7 @@ class Whitening:
         return np.concatenate([part.ravel() for part in self(values)])
 
     def log_scores(self, values: Mapping[str, float]) -> Parts:
-        """Log score in nats of each impact (n,), each flight (f,), and whatever else is measured beside impacts."""
+        """Log score in nats of each impact (n,), each flight (f,), and all further evidence in addition to impacts."""
         of_impacts, *others = self(values)
         beside = (log_t(z, np.log(b.variance).sum(1)) for z, b in zip(others, self.observations.beside))
         return log_t(of_impacts, self._log_det), *beside
@@ -107,7 +107,7 @@ Request = tuple[Whitening, Sequence[Mapping[str, float]]]
 def together(requests: Sequence[Request]) -> list[list[Parts]]:
     """Whitened residuals of one model, for each request at each of its sets of values.
 
-    All impacts are predicted in one call, which takes less than twice as long as one of its many parts.
+    All impacts are predicted in one call, which takes less than twice the time of one of its many parts.
     """
     of, points = [whitening._whole for whitening, _ in requests], requests[0][1]
     if (
@@ -143,9 +143,9 @@ def together(requests: Sequence[Request]) -> list[list[Parts]]:
 def shared_residuals(
     model: Model, points: Sequence[tuple[Observations, tuple[State, State], Mapping[str, float]]]
 ) -> list[np.ndarray]:
-    """The same as `residuals`, in parts that several processes share where contacts of bodies in space are integrated.
+    """Result of `residuals`, computed in parallel by several processes if contacts in space are integrated.
 
-    The parts are always these, as last digits depend on what goes together.
+    The division into parts is fixed, because the last digits depend on it.
     """
     size = max(1, SHARED // max(len(points[0][0]), 1))
     if model.space.is_plane or not kind_of(model).integrated or len(points) <= size:
@@ -157,7 +157,7 @@ def shared_residuals(
 def residuals(
     model: Model, points: Sequence[tuple[Observations, tuple[State, State], Mapping[str, float]]]
 ) -> list[np.ndarray]:
-    """Residuals (n, m) of a model whose choices agree, at each point: observations, states at impact, values."""
+    """Residuals (n, m) at each point (observations, states at impact, values); discrete values must agree."""
     parts, states, values = zip(*points)
     sizes = [len(o) for o in parts]
     all_of = replace(parts[0], **{name: np.concatenate([getattr(o, name) for o in parts]) for name in BESIDE_STATES})
@@ -169,9 +169,9 @@ def residuals(
 def _beside(requests: Sequence[Request]) -> dict[tuple[int, int], OfFlights]:
     """States at impact and whitened residuals of flights, for each request at each of its sets of values.
 
-    Those that are not kept are found in one call, as the impacts are.
+    Results that are not cached are computed in one call, as for the impacts.
     """
-    keys = {}  # values on which the states at impact and the flights depend
+    keys = {}  # values on which states at impact and flights depend
     for i, (w, points) in enumerate(requests):
         keys |= {(i, k): (i, tuple(at[p] for p in w.model.flight_parameters)) for k, at in enumerate(points)}
     known: dict[tuple, OfFlights] = {}
@@ -198,12 +198,12 @@ def _beside(requests: Sequence[Request]) -> dict[tuple[int, int], OfFlights]:
         kept.pop(key[1], None)
         while len(kept) >= KEPT:
             del kept[next(iter(kept))]
-        kept[key[1]] = known[key]  # at the end: the least recently used goes first
+        kept[key[1]] = known[key]  # at the end: the least recently used entry is deleted first
     return {at: known[key] for at, key in keys.items()}
 
 
 def _of_one_choice(missing: Sequence[tuple]) -> list[list[tuple]]:
-    """Missing values in parts with equal discrete parameters: a choice acts on all impacts of a call alike."""
+    """Missing points, grouped by discrete parameters, which must agree for all impacts of a call."""
     parts: dict[tuple, list[tuple]] = {}
     for one in missing:
         *_, whitening, values = one
@@ -213,13 +213,13 @@ def _of_one_choice(missing: Sequence[tuple]) -> list[list[tuple]]:
 
 
 def _by_impact(points: Sequence[Mapping[str, float]], sizes: Sequence[int]) -> dict[str, Any]:
-    """Values of all impacts: a number where the points agree, else an array with each point's `sizes` times."""
+    """Values for all impacts: a number if the points agree, else an array with each point's value `sizes` times."""
     by_name = {name: [values[name] for values in points] for name in points[0]}
     return {name: v[0] if len(set(v)) == 1 else np.repeat(v, sizes) for name, v in by_name.items()}
 
 
 def robust(z: np.ndarray) -> np.ndarray:
-    """Residuals with the sum of squares −2 log t_ν up to a constant."""
+    """Residuals transformed such that their squares add up to −2 log t_ν, except for a constant."""
     m = z.shape[1]
     d2 = np.einsum("nm,nm->n", z, z)
     scale = (NU + m) * np.log1p(d2 / NU) / np.where(d2 > 0, d2, 1.0)
@@ -232,14 +232,14 @@ def weight(z: np.ndarray) -> np.ndarray:
 
 
 def weighted(parts: Parts, prior: np.ndarray) -> Weighted:
-    """Residuals with their weights, whose cost is −2 log t_ν up to a constant, and of a normal prior (k,)."""
+    """Cost −2 log t_ν, except for a constant, residuals and weights, including a normal prior (k,)."""
     z = np.concatenate([*(part.ravel() for part in parts), prior])
     roots = np.concatenate([*(np.repeat(weight(part), part.shape[1]) for part in parts), np.ones(len(prior))])
     return Weighted(transformed(parts, prior).cost, z, roots)
 
 
 def transformed(parts: Parts, prior: np.ndarray) -> Weighted:
-    """The same with residuals whose squares add up to the cost."""
+    """Cost as in `weighted`, with unit weights and residuals whose squares add up to the cost."""
     z = np.concatenate([*(robust(part).ravel() for part in parts), prior])
     return Weighted(float(z @ z), z, np.ones_like(z))
 
@@ -252,7 +252,7 @@ def log_t(z: np.ndarray, log_det: np.ndarray) -> np.ndarray:
 
 
 def _scatter(observations: Observations, sigma_m: float) -> np.ndarray:
-    """σ_m² D (m, m); with episodes (n, m, m): the velocity after their first hit scatters, and moves the pose."""
+    """Covariance σ_m² D (m, m); with episodes (n, m, m): the scatter after their first hit also moves the pose."""
     space = observations.space
     d, m = space.dimension, space.motions
     variance = np.zeros(2 * m + 1 if observations.arcs else m)
@@ -268,10 +268,10 @@ def _scatter(observations: Observations, sigma_m: float) -> np.ndarray:
 
 
 def most_probable_scatter(R: np.ndarray, S: np.ndarray, observations: Observations) -> float:
-    """σ_m in m/s that makes the residuals R (n, m) of covariance S (n, m, m) most probable.
+    """Most probable σ_m in m/s for residuals R (n, m) with the covariance S (n, m, m).
 
-    In coordinates in which the scatter moves the velocities alone, with the others given and with the eigenvalues λ_i
-    of what is left of S there, an impact has d² = d_0² + Σ e_i²/(λ_i + σ²) and log det S = Σ log(λ_i + σ²) + const.
+    In coordinates in which the scatter affects velocities only, and conditional on the other components, an impact has
+    d² = d_0² + Σ e_i²/(λ_i + σ²) and log det S = Σ log(λ_i + σ²) + const, with λ_i eigenvalues of the conditional S.
     """
     space, m, far = observations.space, R.shape[1], np.zeros(len(R))
     v = space.motions
@@ -301,10 +301,10 @@ def most_probable_scatter(R: np.ndarray, S: np.ndarray, observations: Observatio
 
 
 def given_the_others(R: np.ndarray, S: np.ndarray) -> np.ndarray:
-    """The last of residuals R (n, m) given the others, in standard deviations (n, 1); their covariance is S (n, m, m).
+    """Last residual of R (n, m) given the others, in standard deviations (n, 1); their covariance is S (n, m, m).
 
-    Of the gap given the poses, with an unknown instant of impact in S, this is the gap where the model's flights meet,
-    whatever instant the detection took for that.
+    For the gap given the poses, with an unknown instant of impact in S, this is the gap where the model's flights meet,
+    independent of the detected instant.
     """
     last = np.linalg.inv(S)[:, -1]
     return np.einsum("ni,ni->n", last, R)[:, None] / np.sqrt(last[:, -1:])

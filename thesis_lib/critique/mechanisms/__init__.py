@@ -1,1 +1,1 @@
-"""The critique of mechanisms (arm, wheel): which force is missing from the believed equations of motion."""
+"""Critique of mechanisms (arm, wheel): find the force that the believed equations of motion lack."""

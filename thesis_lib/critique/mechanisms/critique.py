@@ -2,17 +2,17 @@
 
 If the model holds, the whitened window equations z (N,) of `windows` are unit noise.  The misfit is the root mean
 square of z, 1 for noise alone.  Trials are split once.  The search of `critique.selection` chooses effects on the
-training trials; the held-out trials only judge.
+training trials; the held-out trials serve only to judge the result.
 
 The verdict is `unexplained` if the held-out misfit of the final model exceeds noise significantly (χ² test of |z|²) and
-by an amount that matters.  A permutation test finds the coordinates and velocities on which the rest depends.  The
-range of the window means of one of them is cut into eight quantile cells; its strength is the sum of squares of z
+by an amount that matters.  A permutation test finds the coordinates and velocities on which this misfit depends.  The
+window means of each are divided into eight quantile cells; the strength of the dependence is the sum of squares of z
 between cells, summed over the free coordinates,
 
     S = Σ_coordinates Σ_cells (Σ_cell z)² / n_cell.
 
 The null permutes the windows.  Strengths are standardised by their null; p refers to the maximum over all of them.
-It is `unexplained`, too, if errors of sensors would have to exceed what the recording states (`sensors`).
+The verdict is also `unexplained` if sensor errors would have to exceed those that the recording states (`sensors`).
 Noise also enters the columns (errors in variables), but only to second order.
 """
 
@@ -50,15 +50,15 @@ class MechanismCritique:
 
     Attributes:
         candidates: all effects that were tried.
-        training, held_out: window equations.
+        training, held_out: window equations of the training and the held-out trials.
         discovery: effects chosen on training trials.
         ladder: held-out misfit (rms of z, low, high) after 0, 1, ... effects.
         gains: by effect, held-out gain over the final model without it: nats per window with 95 % interval.
-        remaining: misfit on held-out trials; the states that it depends on are found on training trials.
+        remaining: misfit on held-out trials; the states on which it depends are found on training trials.
         is_structured: whether the remaining misfit is material, even with the effect `below` added, or sensors err
             materially more than stated.
         camera_delay: s, by which poses of the body were read later than the joints.
-        sensor_excess: rms of the fitted errors of sensors over what is stated, and its p-value; 0 and 1 without any.
+        sensor_excess: rms of the fitted sensor errors over the stated errors, and its p-value; 0 and 1 without any.
     """
 
     model: BelievedModel
@@ -76,7 +76,7 @@ class MechanismCritique:
 
     @property
     def verdict(self) -> str:
-        """adequate, effects or unexplained."""
+        """Verdict of the critique: adequate, effects or unexplained."""
         return self.discovery.verdict(self.is_structured)
 
     @property
@@ -89,23 +89,23 @@ class MechanismCritique:
 
     @property
     def below(self) -> str:
-        """Name of an effect that is significant but too small to matter, or ''."""
+        """Name of the effect that is significant but too small to matter, or ''."""
         return self.discovery.below.effects[-1].name if self.discovery.below else ""
 
     @property
     def first_group(self) -> tuple[str, ...]:
-        """The first effect and its indistinguishable alternatives; empty if no effect was chosen."""
+        """Names of the first effect and its indistinguishable alternatives; empty if no effect was chosen."""
         return (self.steps[0].effect.name, *self.steps[0].alternatives) if self.steps else ()
 
 
 def criticise_recording(
     recording: Recording, rng: np.random.Generator, *, effects: Sequence[str] | None = None
 ) -> MechanismCritique:
-    """Criticise the believed model of a recording: its header is the model, its samples are the trials.
+    """Criticise the believed model of a recording: the header describes the model, the samples are the trials.
 
     Args:
         rng: splits the trials and draws null distributions.
-        effects: names of the candidates; None: all of this mechanism.
+        effects: names of the candidates; None: all candidates for this mechanism.
 
     Raises:
         UserError: too few trials, no usable window, or an unknown effect.
@@ -121,7 +121,7 @@ def criticise_recording(
 
 
 def believed_model(header: RecordingHeader) -> BelievedModel:
-    """The mechanism that recording.yaml describes."""
+    """Return the mechanism that recording.yaml describes."""
     m, g = header.mechanism, header.gravity
     if isinstance(m, Arm):
         links = (m.link_lengths, m.link_masses, m.link_coms, m.link_inertias)
@@ -130,7 +130,7 @@ def believed_model(header: RecordingHeader) -> BelievedModel:
 
 
 def trials_of(recording: Recording) -> list[Trial]:
-    """The trials of a recording, with the noise that it states."""
+    """Return the trials of a recording, with the noise that the recording states."""
     h, m = recording.header, recording.header.mechanism
     trials = []
     for _, samples in recording.states.groupby("trial"):
@@ -150,10 +150,10 @@ def criticise_mechanism(
     settings: MechanismSettings | None = None,
     sampling: Sampling | None = None,
 ) -> MechanismCritique:
-    """Criticise the believed model of a mechanism with measured trials of a common time step.
+    """Criticise the believed model of a mechanism with measured trials that share one time step.
 
     Args:
-        candidates: effects that may be missing.
+        candidates: effects that the model may lack.
         rng: splits the trials and draws null distributions.
         sampling: stated errors of clocks and torques; default: none.
 
@@ -167,7 +167,7 @@ def criticise_mechanism(
             f"The critique of a mechanism needs {MIN_TRIALS} trials or more to hold some out; got {len(trials)}."
         )
     if len({t.h for t in trials}) > 1:
-        raise UserError("The trials of one critique share a time step; resample them or criticise them apart.")
+        raise UserError("All trials of a critique must share one time step: resample or criticise them separately.")
     kept, unseen = split(np.arange(len(trials)), thresholds.held_out_share, rng)
     sampling = sampling or Sampling()
     sensors = sensor_errors(sampling, model.joints)
@@ -199,7 +199,7 @@ def criticise_mechanism(
     excess = sensor_excess(discovery.fitted)
     is_structured = is_structured or is_excess_material(*excess, settings)
     if is_structured:
-        # training trials: the test needs many windows, and it chooses nothing
+        # on training trials, because the test needs many windows and makes no choice
         depends_on, _ = dependence(training.weak, discovery.fitted.z, thresholds.alpha, rng)
         remaining = replace(remaining, depends_on=depends_on)
     weak = (training.weak, held_out.weak)
@@ -211,25 +211,25 @@ def criticise_mechanism(
 
 
 def is_excess_material(excess: float, p_value: float, settings: MechanismSettings) -> bool:
-    """Whether errors of sensors, `excess` times the stated ones, are significant and matter."""
+    """Return whether sensor errors `excess` times as large as stated are significant and large enough to matter."""
     return p_value <= settings.thresholds.alpha and settings.thresholds.matters(excess, 1.0, 1.0)
 
 
 def _beyond_noise(judgement: ForceJudgement) -> Remaining:
-    """The misfit against that of noise, 1, with the p-value of |z|² from its χ² distribution."""
+    """Return the misfit, to be compared with 1 for noise, with the p-value of |z|² from its χ² distribution."""
     z = judgement.z
     return Remaining(float(chi2.sf(z @ z, max(len(z), 1))), judgement.misfit, 1.0, ())
 
 
 def states_of_windows(weak: WeakForm) -> tuple[list[str], np.ndarray]:
-    """Names of the coordinates and velocities ("d" + name), and their means (windows, 2 nv) over each window."""
+    """Return names of coordinates and velocities ("d" + name), and their means (windows, 2 nv) over each window."""
     states = np.concatenate([weak.motion.q, weak.motion.v], axis=1)
     names = [*weak.model.coordinates, *(f"d{name}" for name in weak.model.coordinates)]
     return names, np.add.reduceat(states, weak.starts, axis=0) / (weak.ends - weak.starts)[:, None]
 
 
 def dependence(weak: WeakForm, z: np.ndarray, alpha: float, rng: np.random.Generator) -> tuple[tuple[str, ...], float]:
-    """At most three coordinates and velocities ("d" + name) that z (N,) depends on, and the least p-value."""
+    """Return up to three coordinates or velocities ("d" + name) on which z (N,) depends, and the least p-value."""
     names, states = states_of_windows(weak)
     cells = np.stack([np.searchsorted(np.quantile(x, np.linspace(0, 1, CELLS + 1)[1:-1]), x) for x in states.T])
     rows = [np.flatnonzero(weak.coordinate == c) for c in np.unique(weak.coordinate)]
@@ -244,7 +244,7 @@ def dependence(weak: WeakForm, z: np.ndarray, alpha: float, rng: np.random.Gener
 
     measured = strengths(np.arange(len(states)))
     null = np.array([strengths(rng.permutation(len(states))) for _ in range(PERMUTATIONS)])
-    # standardised by its null, so that the maximum treats all states alike
+    # each strength is standardised by its null, so the maximum treats all states alike
     centre, width = null.mean(axis=0), null.std(axis=0)
     score, best = (measured - centre) / width, ((null - centre) / width).max(axis=1)
     p = (1 + (best[:, None] >= score).sum(axis=0)) / (1 + len(best))
@@ -253,9 +253,9 @@ def dependence(weak: WeakForm, z: np.ndarray, alpha: float, rng: np.random.Gener
 
 
 def smallest_sizes(critique: MechanismCritique) -> dict[str, dict[str, float]]:
-    """Smallest detectable size of each parameter of each candidate, the others as fitted; inf without information.
+    """Return the smallest detectable size of each parameter of each candidate; inf without information.
 
-    A parameter x alone raises the log score by x² I / 2 and the mean square of z by x² I / N.
+    The other parameters stay as fitted.  x alone raises the log score by x² I / 2 and the mean square of z by x² I / N.
     """
     thresholds, tests = critique.settings.thresholds, critique.discovery.first_scan
     limit = float(np.quantile(tests.null, 1.0 - thresholds.alpha))

@@ -1,18 +1,18 @@
-"""diagnosis.json of a mechanism.  It has the keys of an impact diagnosis (results/diagnosis.py) and these:
+"""diagnosis.json of a mechanism, with the keys of an impact diagnosis (results/diagnosis.py) and the following keys:
 
 | where           | key                                | meaning |
 |---|---|---|
 |                 | mechanism                          | name of the mechanism; absent for impacts |
 |                 | n_windows, n_trials                | windows of the equations of motion replace impacts |
-| base_model      | parameters                         | base inertial parameters without effects, and the `believed` |
+| base_model      | parameters                         | base inertial parameters without effects, and as `believed` |
 | augmented_model | parameters                         | the same with effects |
 | effects.gain    | held_out_log_score_per_window      | held-out gain over the model without the effect, nats |
 |                 | below_threshold                    | an effect that is significant but not material |
-| effects         | cosines                            | overlap of the shift with every other candidate |
+| effects         | cosines                            | cosine of the effect's shift of z with every other candidate |
 | error           | unit "sigma"                       | held-out rms of the whitened residual generalised forces |
 | where           | coordinate, contacts, before, after| the same by free coordinate and pairs in contact |
-| sensors         | found                              | clocks, offsets, and ripple over the stated one; if stated |
-|                 | excess, p_value                    | rms of these errors over what is stated |
+| sensors         | found                              | clocks, offsets, and ripple over its stated size; if stated |
+|                 | excess, p_value                    | rms of these errors over their stated sizes |
 | detectable      | smallest                           | smallest detectable size of each parameter |
 """
 
@@ -35,12 +35,12 @@ from thesis_lib.critique.selection.settings import SearchSettings, search_ended
 from thesis_lib.foundation.files import six_digits
 from thesis_lib.statistics.wording import listed, number
 
-STATED = 4  # more parameters of one sensor error are told by their rms over the stated one
-STATES = 3  # proposed for the next experiment
+STATED = 4  # a sensor error with more parameters is reported as their rms over its stated size
+STATES = 3  # number of states proposed for the next experiment
 
 
 def mechanism_diagnosis(critique: MechanismCritique, dataset: str, rng: np.random.Generator) -> dict:
-    """Content of diagnosis.json, rounded to six digits; `rng` permutes windows."""
+    """Return the content of diagnosis.json, rounded to six digits; `rng` permutes windows."""
     weak, held, model = critique.training, critique.held_out, critique.model
     base_fit = critique.discovery.bases[critique.discovery.base]
     depends, p_dependence = dependence(weak, base_fit.z, critique.settings.thresholds.alpha, rng)
@@ -103,7 +103,7 @@ def _parameters(critique: MechanismCritique, fitted: ForceFit) -> dict:
 
 
 def _unit(name: str) -> str:
-    """Unit of a base parameter, from its first term."""
+    """Return the unit of a base parameter, from its first term."""
     first = name.split()[0].lstrip("-")
     return "kg m²" if first.endswith("I") else "kg m" if "mc_" in first else "kg"
 
@@ -144,12 +144,12 @@ def _sensors(critique: MechanismCritique) -> dict:
 
 
 def _where(critique: MechanismCritique, base_fit: ForceFit) -> list[dict]:
-    """Held-out misfit by free coordinate and contacts, before and after."""
+    """Return the held-out misfit by free coordinate and contacts, before and after the effects were added."""
     held, names = critique.held_out, critique.model.coordinates
     before, after = (predict(held, fitted).z for fitted in (base_fit, critique.fitted))
     contacts = [*critique.model.mechanism.pairs, *(f"{name} at rest" for name in names[: critique.model.joints])]
     pairs = [listed([contacts[j] for j in w]) or "none" for w in held.active_pairs]
-    # the wheel's spokes are alike: only whether one is in contact counts
+    # the wheel's spokes are alike: it matters only whether one is in contact
     if critique.model.name == "wheel":
         pairs = ["one spoke" if p != "none" else p for p in pairs]
     squares = {"before": before**2, "after": after**2}
@@ -160,7 +160,7 @@ def _where(critique: MechanismCritique, base_fit: ForceFit) -> list[dict]:
 
 
 def _next_experiment(critique: MechanismCritique) -> dict:
-    """Measured states at which the chosen effect and its nearest alternative differ most, in units of noise."""
+    """Return the measured states at which the chosen effect and its closest alternative differ most, over noise."""
     scan, weak = critique.discovery.first_scan, critique.training
     step = next((s for s in critique.steps if s.alternatives), None)
     if step is None or step.alternatives[0] not in scan.basis or step.effect.name not in scan.shift:
@@ -171,28 +171,28 @@ def _next_experiment(critique: MechanismCritique) -> dict:
     best = np.argsort(-apart)[:STATES]
     names, means = states_of_windows(weak)
     return {
-        "why": f"{step.effect.title} and {other.replace('_', ' ')} differ most around these states: run there longer, "
-        "faster or with less noise.",
+        "why": f"{step.effect.title} and {other.replace('_', ' ')} differ most around these states: measure there for "
+        "longer, at higher speed or with less noise.",
         "states": [dict(zip(names, map(float, row))) for row in means[best]],
         "sigmas": [float(np.sqrt(apart[w])) for w in best],
     }
 
 
 def _clocks(d: Mapping) -> list[str]:
-    """Sentences on the clocks, where recording.yaml says that they may be apart."""
+    """Return sentences on the clocks, if recording.yaml states that their readings may be delayed."""
     found = d.get("sensors", {}).get("found", {})
     if "sensor_delay.d" not in found:
         return []
     joints, camera = (1e3 * found[name]["value"] for name in ("sensor_delay.d", "camera_delay"))
     when = f"{number(abs(camera))} ms {'after' if camera > 0 else 'before'} the joints"
-    return [f"The joints are read {number(joints)} ms after the torques act, and the disk {when}."]
+    return [f"The joints are read {number(joints)} ms after the torques act, and the disk is read {when}."]
 
 
 def _rejected(d: Mapping) -> list[str]:
     return [
-        f"{one['title']} was found on the training trials, but on the held-out ones the misfit "
+        f"{one['title']} was found on the training trials, but on the held-out trials the misfit "
         f"{'rises' if one['ends'][1] > one['ends'][0] else 'does not fall by an amount that matters'}, from "
-        f"{' to '.join(map(number, one['ends']))} standard deviations of noise, so it is left out."
+        f"{' to '.join(map(number, one['ends']))} standard deviations of noise, so this effect is left out."
         for one in d["rejected"]
     ]
 
@@ -209,7 +209,7 @@ def _summary(d: Mapping) -> list[str]:
             f"The believed {d['mechanism']} is adequate: the residual generalised forces are {base} on held-out "
             "trials, and no effect in the library lowers that by an amount that matters.",
             *(
-                f"There is {name.replace('_', ' ')}, surely, but too little of it to matter at this noise."
+                f"The effect {name.replace('_', ' ')} is significant, but too small to matter at this noise."
                 for name in d["below_threshold"]
             ),
         ]
@@ -223,7 +223,7 @@ def _summary(d: Mapping) -> list[str]:
         sentences = [
             f"The believed {d['mechanism']} misses something that no effect in the library explains{what} far more "
             "than noise.",
-            f"What is left depends on {listed(on)}: look there for the cause." if on else "",
+            f"The remaining misfit depends on {listed(on)}: look there for the cause." if on else "",
         ]
     if d.get("sensors", {}).get("exceeds"):
         sentences.append(
@@ -231,19 +231,19 @@ def _summary(d: Mapping) -> list[str]:
             "recording.yaml states."
         )
     if any(e["family"] == "measurement" for e in d["effects"]):
-        sentences.insert(0, "A sensor may be faulty: check it before reading anything here as physics.")
+        sentences.insert(0, "A sensor may be faulty: check it before interpreting these results as physics.")
     return [s for s in sentences if s]
 
 
 def misfit_table(critique: MechanismCritique) -> pd.DataFrame:
-    """Held-out misfit with its 95 % interval: of the believed model, and after each effect."""
+    """Return the held-out misfit with its 95 % interval, of the believed model and after each effect."""
     labels = ["believed_parameters", *(step.effect.name for step in critique.steps)]
     rows = [(label, *rung) for label, rung in zip(labels, critique.ladder)]
     return pd.DataFrame(rows, columns=["label", "misfit", "misfit_low", "misfit_high"])
 
 
 def residual_tables(critique: MechanismCritique) -> tuple[pd.DataFrame, pd.DataFrame, float]:
-    """Held-out residuals, gains, and the 1 % limit in nats, as `figures.critique.mechanisms.figure_residuals` draws."""
+    """Return held-out residuals, gains, and 1 % limit in nats, for `figures.critique.mechanisms.figure_residuals`."""
     held, names = critique.held_out, critique.model.coordinates
     base = critique.discovery.bases[critique.discovery.base]
     residuals = pd.DataFrame(

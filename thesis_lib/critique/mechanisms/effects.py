@@ -3,13 +3,13 @@
     viscous_joint_friction   Q_i = -b_i q̇_i                                   each driven joint
     coulomb_joint_friction   Q_i = -f_i tanh(q̇_i / q̇_s)
     gravity_direction        Q = (Y(q, 0, 0; g) - Y(q, 0, 0; R(α) g)) π        α > 0 turns gravity towards +x
-    payload                  Q = -m_p Y(q, v, v̇) π_1                           π_1 of 1 kg at the declared place
+    payload                  Q = -m_p Y(q, v, v̇) π_1                           π_1 of 1 kg at the stated place
     rolling_resistance       Q_θ = -c_rr ρ N tanh(ω / ω_s)
     viscous_rotation         Q_θ = -b ω                                        the wheel in its air or guide
     torque_offset            Q_i = o_i                                         a fault of the torque sensor
 
-All use the measured motion of a step, with v̇ = (v_{k+1} − v_k) / h.  N is the model's normal force in this step.  The
-small speeds q̇_s and ω_s smooth the sign function.
+All effects use the measured motion of a step, with v̇ = (v_{k+1} − v_k) / h.  N is the model's normal force in this
+step.  The small speeds q̇_s and ω_s smooth the sign function.
 
 Sources: H. Olsson et al., Eur. J. Control 4 (1998), doi 10.1016/S0947-3580(98)70113-X (friction); K. L. Johnson,
 Contact Mechanics, 1985, doi 10.1017/CBO9781139171731, section 9 (rolling resistance); W. Khalil, E. Dombre, Modeling,
@@ -54,9 +54,9 @@ class MechanismEffect:
     Attributes:
         name, family, title, equation: as for effects of impacts.
         force: Q (n, nv) in N or N m from model, motion and parameters (n_p,).
-        parameters: 0 without the effect; the linear fit knows no bounds.
+        parameters: 0 without the effect; the linear fit ignores bounds.
         needs_normal: whether Q depends on contact forces.
-        prior: standard deviation of each parameter about 0, of errors that a recording states; empty: free.
+        prior: standard deviation of each parameter about 0, for errors that a recording states; empty: no prior.
     """
 
     name: str
@@ -70,12 +70,12 @@ class MechanismEffect:
 
 
 def parameters(unit: str, scale: float, *names: str) -> tuple[Parameter, ...]:
-    """Parameters that are 0 without the effect and have no bounds."""
+    """Return parameters that are 0 without the effect and have no bounds."""
     return tuple(Parameter(name, unit, null=0.0, low=-np.inf, high=np.inf, scale=scale) for name in names)
 
 
 def at_joints(of_joints: Callable[[np.ndarray, MotionSteps, int], np.ndarray]) -> Force:
-    """Force at the driven joints, from the parameters, the motion, and the number of joints."""
+    """Return the force at the driven joints, from a function of parameters, motion, and number of joints."""
 
     def force(model: BelievedModel, motion: MotionSteps, p: np.ndarray) -> np.ndarray:
         Q = np.zeros_like(motion.v)
@@ -99,7 +99,7 @@ def _payload(model: BelievedModel, motion: MotionSteps, p: np.ndarray) -> np.nda
 
 
 def _on_roller(of_spin: Callable[[BelievedModel, MotionSteps, np.ndarray], np.ndarray]) -> Force:
-    """Moment on the body that rolls, from its spin."""
+    """Return the moment on the rolling body, from a function of its spin."""
 
     def force(model: BelievedModel, motion: MotionSteps, p: np.ndarray) -> np.ndarray:
         Q = np.zeros_like(motion.v)
@@ -148,7 +148,7 @@ CANDIDATES: dict[MechanismKind, tuple[MechanismEffect, ...]] = {
     "wheel": (
         *(GRAVITY, PAYLOAD, ROLLING),
         MechanismEffect(
-            *("viscous_rotation", "joint", "a moment against rotation, proportional to it", "Q_θ = −b ω"),
+            *("viscous_rotation", "joint", "a moment against rotation, proportional to its rate", "Q_θ = −b ω"),
             *(_on_roller(lambda model, motion, spin: spin), parameters("N m s", 0.05, "b")),
         ),
     ),

@@ -1,10 +1,10 @@
-"""The believed model of a mechanism: inverse dynamics of many steps at once, and contacts.
+"""The believed model of a mechanism: inverse dynamics of many time steps at once, and contacts.
 
     M(q) v̇ + C(q, v) v − g(q) = Y(q, v, v̇; g) π,        π = (m, m c_x, m c_y, I) of each body
 
-A body's share of Y is that of a free body at the pose of its frame, projected on the coordinates that move it,
-Y_b = J_b' Y_free(pose, velocity, acceleration; g).  In the two-link arm with the disk, J_1 = ẑ in q_1, and the frame
-of link 2 is at its joint, l_1 (cos q_1, sin q_1) from the base.
+The columns of Y for a body are the regressor of a free body at the pose of its frame, projected on the coordinates that
+move it, Y_b = J_b' Y_free(pose, velocity, acceleration; g).  In the two-link arm with the disk, J_1 = ẑ in q_1, and the
+frame of link 2 is at its joint, l_1 (cos q_1, sin q_1) from the base.
 
 Source: W. Khalil, E. Dombre, Modeling, Identification and Control of Robots, 2002,
 doi 10.1016/B978-1-903996-66-9.X5000-3.
@@ -28,9 +28,9 @@ class BelievedModel(ABC):
         names, parameters: (4 b,) inertial parameters π about the joint, kg, kg m, kg m².
         gravity: (2,) believed acceleration of gravity, m/s².
         identified: inertial parameters that motion and known forces can identify; the others keep believed values.
-        roller: radius in m and contact pairs of the body that rolls on the ground; it turns with the last coordinate.
+        roller: radius in m and contact pairs of the body that rolls on the ground; the last coordinate is its angle.
         payload: change of `parameters` by a point mass of 1 kg at the place of the payload.
-        joints: number of driven joints, the first coordinates.
+        joints: number of driven joints, whose coordinates come first.
     """
 
     name: str
@@ -46,14 +46,14 @@ class BelievedModel(ABC):
 
     @abstractmethod
     def regressor(self, q: np.ndarray, v: np.ndarray, a: np.ndarray, gravity: np.ndarray | None = None) -> np.ndarray:
-        """Y (n, nv, 4 b) at q, v, a (n, nv); `gravity` (2,) in m/s² replaces the believed one."""
+        """Return Y (n, nv, 4 b) at q, v, a (n, nv); `gravity` (2,) in m/s² replaces the believed gravity."""
 
     def inverse_dynamics(self, q: np.ndarray, v: np.ndarray, a: np.ndarray) -> np.ndarray:
-        """Y π (n, nv) in N, N m: the sum of external and contact forces."""
+        """Return Y π (n, nv) in N, N m: the sum of external and contact forces."""
         return self.regressor(q, v, a) @ self.parameters
 
     def mass_matrix(self, q: np.ndarray) -> np.ndarray:
-        """M (n, nv, nv) at q (n, nv)."""
+        """Return M (n, nv, nv) at q (n, nv)."""
         units = (np.broadcast_to(unit, q.shape) for unit in np.eye(q.shape[1]))
         columns = [self.regressor(q, np.zeros_like(q), a, np.zeros(2)) @ self.parameters for a in units]
         return np.stack(columns, axis=2)
@@ -73,7 +73,7 @@ class BelievedArm(BelievedModel):
         rows = [[m, m * c[0], m * c[1], inertia + m * c @ c] for m, c, inertia in links]
         self.parameters = np.concatenate([*rows, [arm.disk_mass, 0.0, 0.0, arm.disk_inertia]])
         self.gravity = np.array([0.0, -arm.g])
-        # a disk's centre is known; links are believed to have no offset across their axis
+        # the centre of the disk is known; links are believed to have their centre of mass on their axis
         self.identified = (*(f"{link}.{name}" for link in LINKS for name in ("m", "mc_x", "I")), "disk.m", "disk.I")
         self.roller = (arm.disk_radius, (1,))
         self.first_length, length = arm.link_lengths
@@ -102,7 +102,7 @@ class BelievedArm(BelievedModel):
 
 
 class BelievedWheel(BelievedModel):
-    """The rimless wheel on its slope; a payload is `payload_radius` m along spoke 0."""
+    """The rimless wheel on its slope; a payload would be `payload_radius` m along spoke 0."""
 
     name = "wheel"
     coordinates = ("x", "y", "theta")
@@ -113,7 +113,7 @@ class BelievedWheel(BelievedModel):
         self.names = FREE_BODY_PARAMETERS
         self.parameters = np.array([wheel.mass, 0.0, 0.0, wheel.inertia])
         self.gravity = wheel.g * np.array([np.sin(wheel.slope), -np.cos(wheel.slope)])
-        # without known external forces motion does not determine the mass: all others scale with it
+        # without known external forces, motion does not determine the mass: all other parameters scale with it
         self.identified = ("I",)
         self.roller = (wheel.length, tuple(range(wheel.spokes)))
         self.payload = np.array([1.0, payload_radius, 0.0, payload_radius**2])

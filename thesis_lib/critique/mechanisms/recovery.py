@@ -1,12 +1,12 @@
-"""Base inertial parameters and contact forces of a mechanism, without and with the effects that were found.
+"""Estimates of base inertial parameters and contact forces of a mechanism, without and with the effects found.
 
 The critique keeps the believed inertial parameters.  Here they are identified together with the effects' parameters p,
 
     min |z(Θ, p)|²,    ∂z/∂Θ = Σ_k N_k' h Y_b,k whitened,    ∂z/∂p = -U,
 
 over all windows; Θ (r,) are base parameters.  Standard errors grow with a misfit beyond noise.  A missing effect biases
-Θ̂; adding it removes the bias.  A payload changes π itself and cannot be separated from other changes of π: if it is
-found, the parameters are the believed ones plus m_p π_1, without a further fit.
+Θ̂; adding this effect removes the bias.  A payload changes π itself and cannot be separated from other changes of π: if
+a payload is found, the parameters are the believed parameters plus m_p π_1, without a further fit.
 
 Contact forces follow from the believed parameters, the known forces and Q,
 
@@ -30,7 +30,7 @@ IMPACT = 10.0  # times a pair's median normal force: steps above it are impacts 
 
 @dataclass(frozen=True)
 class Identified:
-    """Base parameters (r,): `value`, standard error `std`, and `believed`; `base` defines them."""
+    """Base parameters (r,) as defined by `base`: their `value`, standard error `std`, and `believed` value."""
 
     base: BaseParameters
     columns: np.ndarray
@@ -39,12 +39,12 @@ class Identified:
     believed: np.ndarray
 
     def of(self, parameters: np.ndarray) -> np.ndarray:
-        """Base parameters (r,) of all inertial parameters (4 b,)."""
+        """Return the base parameters (r,) that correspond to the inertial parameters (4 b,)."""
         return self.base.theta(parameters[self.columns])
 
 
 def identify_parameters(weak: WeakForm, fitted: ForceFit) -> Identified:
-    """Base inertial parameters together with the effects of `fitted`, which was fitted to `weak`.
+    """Identify the base inertial parameters together with the effects of `fitted`, which was fitted to `weak`.
 
     Raises:
         UserError: no parameter affects these windows.
@@ -69,16 +69,16 @@ def identify_parameters(weak: WeakForm, fitted: ForceFit) -> Identified:
     B = B / scale
     change = -np.linalg.lstsq(B, z, rcond=None)[0]
     rest = z + B @ change
-    # a wrong model errs by its scatter, not by the noise
+    # the errors of a wrong model follow from its scatter, not from the noise
     scatter = max(1.0, float(np.sqrt(rest @ rest / max(len(rest) - len(change), 1))))
     std = scatter * np.sqrt(np.diag(np.linalg.inv(B.T @ B))) / scale
     return Identified(base, columns, believed + (change / scale)[:r], std[:r], believed)
 
 
 def force_error(weak: WeakForm, record: SimulatedMotion, fitted: ForceFit) -> tuple[float, np.ndarray, np.ndarray]:
-    """Relative rms error of contact forces against those of the simulation, over all contact steps except impacts.
+    """Return the relative rms error of contact forces against the simulation, over all contact steps except impacts.
 
-    Also the estimated and true forces (n, 2, p) in N, NaN where skipped.  `weak` holds the exact states of `record`.
+    Also returns the estimated and true forces (n, 2, p) in N, NaN where skipped.  `weak` has exact states of `record`.
     """
     estimate = np.stack(weak.contact_forces(total_force(weak, fitted.forces, fitted.values)), axis=1)
     true = np.stack([record.c_n[weak.step], record.c_t[weak.step]], axis=1)

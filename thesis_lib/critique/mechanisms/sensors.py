@@ -1,19 +1,19 @@
-"""Errors that a recording states of its sensors: fitted with every model, and no missing force.
+"""Sensor errors that a recording states: they are fitted with every model and do not count as a missing force.
 
-    torque_delay    Q_i = -d τ̇_i                                     d ~ N(0, delay²): joints are read d late
+    torque_delay    Q_i = -d τ̇_i                                     d ~ N(0, delay²): delay of the joint readings
     torque_offset   Q_i = o_i                                        o ~ N(0, torque_offset²)
     torque_ripple   Q_i = τ_i Σ_n a_n cos n q_i + b_n sin n q_i      a, b ~ N(0, torque_ripple² / HARMONICS)
 
-Their priors are part of the likelihood, so that an error beyond what is stated shows: as a missing force that explains
-it better, or as sensors that are worse than stated.  Nothing is assumed of the ripple but that it repeats with a turn
-and that what changes faster than HARMONICS times a turn is averaged out over a window.
+Their priors are part of the likelihood.  An error larger than stated therefore shows: either as a missing force that
+explains it better, or as sensors that are worse than stated.  The ripple is only assumed to repeat with each turn;
+components that vary faster than HARMONICS times a turn average out over a window.
 
-The camera's clock is found beforehand, from geometry alone.  In contact the gap is zero, so that the disk's pose, read
-d later than the joints', shows a gap of d times the speed with which the disk alone would open it:
+The delay of the camera is found beforehand, from geometry alone.  The gap is zero in contact; if the disk's pose is
+read d later than the joints, the gap appears as d times the speed with which the disk alone would open it:
 
     d̂ = argmin Σ_k min(φ(q_joints(t_k), q_disk(t_k + d))², c²)
 
-Gaps are cut off at c = `OUTLIER`, so that samples in flight do not count.
+Gaps are cut off at c = `OUTLIER`, which removes the influence of samples in flight.
 """
 
 from collections.abc import Sequence
@@ -26,13 +26,13 @@ from thesis_lib.critique.mechanisms.model import BelievedModel
 from thesis_lib.critique.mechanisms.steps import Trial, interpolation
 from thesis_lib.datasets.recordings.header import Sampling
 
-HARMONICS = 32  # a turn; a window of 0.2 s at 1 rad/s spans a thirtieth of one
+HARMONICS = 32  # per turn; a window of 0.2 s at 1 rad/s spans a thirtieth of a turn
 OUTLIER = 2e-3  # m, beyond the noise of a gap
-GRID = 41  # delays tried, from -delay to delay
+GRID = 41  # number of delays tried, from -delay to delay
 
 
 def sensor_errors(sampling: Sampling, joints: int) -> tuple[MechanismEffect, ...]:
-    """Errors of the torques of a mechanism with `joints` driven joints, with their priors."""
+    """Return the torque errors of a mechanism with `joints` driven joints, with their priors."""
     if not joints:
         return ()
     each = range(1, joints + 1)
@@ -67,7 +67,7 @@ def _ripple(p: np.ndarray, motion: MotionSteps, joints: int) -> np.ndarray:
 
 
 def camera_delay(trials: Sequence[Trial], model: BelievedModel, delay: float) -> float:
-    """How much later the disk's pose is read than the joints, s, up to `delay`; 0 if no link can touch it."""
+    """Return the delay in s of the disk's pose after the joints, at most `delay`; 0 if no link can touch the disk."""
     pairs = [j for j, one in enumerate(_touches(model)) if one]
     if not pairs or not delay:
         return 0.0
@@ -88,23 +88,23 @@ def camera_delay(trials: Sequence[Trial], model: BelievedModel, delay: float) ->
     grid = np.linspace(-delay, delay, GRID)
     best = grid[int(np.argmin([misfit(d) for d in grid]))]
     step = grid[1] - grid[0]
-    # a parabola through three points about the minimum, where the cut no longer changes
+    # a parabola through three points about the minimum, where the set of gaps cut off no longer changes
     left, middle, right = (misfit(best + s * step) for s in (-1.0, 0.0, 1.0))
     bend = left - 2.0 * middle + right
     return float(best + (0.5 * step * (left - right) / bend if bend > 0 else 0.0))
 
 
 def _touches(model: BelievedModel) -> np.ndarray:
-    """(p,): whether a pair lies between a driven link and the body that a camera sees."""
+    """Return (p,) whether each pair joins a driven link and the body that the camera sees."""
     q = np.full((1, len(model.coordinates)), 0.3)
     J = model.mechanism.contacts_of(q).J_n[0]
     return np.abs(J[:, : model.joints]).sum(axis=1) > 0.0
 
 
 def aligned(trials: Sequence[Trial], model: BelievedModel, late: float) -> list[Trial]:
-    """Trials whose body poses, read `late` s later than the joints, are interpolated to the joints' instants.
+    """Return trials whose body poses, read `late` s later than the joints, are interpolated to the joints' instants.
 
-    What would lie outside a trial is cut off its ends.
+    Samples that would need poses from outside a trial are removed at its ends.
     """
     if not late:
         return list(trials)
@@ -116,7 +116,7 @@ def aligned(trials: Sequence[Trial], model: BelievedModel, late: float) -> list[
         bodies = range(model.joints, q.shape[1])
         q[:, model.joints :] = W @ q[:, model.joints :]
         first, last = max(0, int(np.ceil(-shift))), m - max(0, int(np.ceil(shift)))
-        # joints keep their samples; `mixed` maps all samples of a trial to those that are left
+        # joints keep their samples; `mixed` maps all samples of a trial to the remaining samples
         kept = slice(first, last)
         mixed = dict.fromkeys(bodies, W[kept, kept])
         out.append(replace(t, q=q[kept], v=t.v[kept], f_ext=t.f_ext[first : last - 1], mixed=mixed))

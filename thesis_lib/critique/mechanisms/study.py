@@ -1,10 +1,10 @@
-"""Study of the critique of mechanisms: hide known effects in simulations, criticise, and compare.
+"""Study of the critique of mechanisms: hide known effects in simulations, criticise these, and compare the results.
 
 For each mechanism, seed, hidden effect and signal-to-noise ratio, trials are planned with the believed mechanism,
 simulated with the true one, measured with noise, and criticised without knowledge of the truth.  `right` means
 
     nothing hidden          verdict adequate
-    an effect               named first or in the first group, of at most three
+    an effect               this effect named first or in the first group, of at most three
     outside the library     verdict unexplained
 
 | table      | row                                      | columns                                                   |
@@ -38,18 +38,18 @@ from thesis_lib.simulate.mechanisms.motions import Chapter2Bodies
 from thesis_lib.simulate.stepping.stepping import SimulatedMotion
 from thesis_lib.statistics.intervals import wilson
 
-OUTSIDE = "cogging"  # hidden, but in no library
+OUTSIDE = "cogging"  # hidden effect that is not in the library
 
 
 def believed(kind: MechanismKind, bodies: Chapter2Bodies, sizes: HiddenSizes) -> BelievedModel:
-    """The believed model of a mechanism of chapter 2."""
+    """Return the believed model of a mechanism of chapter 2."""
     if kind == "arm":
         return BelievedArm(chapter2.arm_disk(bodies))
     return BelievedWheel(chapter2.wheel(bodies), sizes.payload_radius)
 
 
 def true_sizes(kind: MechanismKind, truth: str, sizes: HiddenSizes) -> dict[str, float]:
-    """True parameters of a hidden effect by the critique's names; empty for an effect outside the library."""
+    """Return the true parameters of a hidden effect by the critique's names; empty for one outside the library."""
     return {
         "viscous_joint_friction": dict(zip(("b_1", "b_2"), sizes.viscous)),
         "coulomb_joint_friction": dict(zip(("f_1", "f_2"), sizes.coulomb)),
@@ -60,7 +60,7 @@ def true_sizes(kind: MechanismKind, truth: str, sizes: HiddenSizes) -> dict[str,
 
 
 def is_right(truth: str, critique: MechanismCritique) -> bool:
-    """Whether the critique is right; see the module's docstring."""
+    """Return whether the critique is right; see the module's docstring."""
     without_answer = {"nothing": "adequate", OUTSIDE: "unexplained"}
     if truth in without_answer:
         return critique.verdict == without_answer[truth]
@@ -76,8 +76,8 @@ def hidden_effect_study(
     """Run the study.
 
     Returns:
-        Tables `effects`, `parameters`, `summary`, `forces`, and critiques by "mechanism/truth" ("arm/payload"): the
-        first seed at the noise nearest 60 dB.
+        Tables `effects`, `parameters`, `summary`, `forces`, and critiques by "mechanism/truth" ("arm/payload") of
+        the first seed at the noise closest to 60 dB.
 
     Raises:
         UserError: the settings leave too few trials.
@@ -115,9 +115,9 @@ def hidden_effect_study(
 
 
 def exact_form(records: tuple[SimulatedMotion, ...], model: BelievedModel, settings: HiddenStudy) -> WeakForm:
-    """Window equations of the exact states of the last record."""
+    """Return the window equations of the exact states of the last record."""
     windows = settings.critique.windows
-    # an infinite ratio adds no noise, so that this generator draws nothing
+    # an infinite ratio adds no noise, so this generator draws nothing
     return WeakForm(measured(records[-1:], np.inf, np.random.default_rng(0), windows), model, windows)
 
 
@@ -134,7 +134,7 @@ def _effects_row(
     after, with_it, _ = force_error(exact, records[-1], critique.fitted)
     without = identify_parameters(critique.training, believed)
     identified = identify_parameters(critique.training, critique.fitted)
-    # a payload changes the parameters themselves: the error is that of the believed ones
+    # a payload changes the parameters themselves: the error refers to the believed parameters
     start = without.believed if PAYLOAD.name in critique.fitted.values else without.value
     model, true = critique.model, critique.model.parameters
     if truth == PAYLOAD.name:
@@ -174,7 +174,7 @@ def _parameter_rows(truth: str, critique: MechanismCritique, true: dict[str, flo
 def _force_table(
     model: BelievedModel, weak: WeakForm, before: np.ndarray, after: np.ndarray, true: np.ndarray
 ) -> pd.DataFrame:
-    """Forces in N of steps and pairs in contact: t, pair, component, true, without, with_effects."""
+    """Return forces in N for steps and pairs in contact: t, pair, component, true, without, with_effects."""
     rows = [
         (weak.h * weak.step[k], pair, component, true[k, i, j], before[k, i, j], after[k, i, j])
         for j, pair in enumerate(model.mechanism.pairs)
@@ -185,7 +185,7 @@ def _force_table(
 
 
 def _summary_table(effects: pd.DataFrame) -> pd.DataFrame:
-    """Share of right answers by mechanism, truth and noise with 95 % Wilson interval, and median errors."""
+    """Return the share of right answers by mechanism, truth and noise, with 95 % Wilson interval, and median errors."""
     rows = []
     medians = [name for name in effects.columns if name.startswith(("misfit_", "force_error_", "theta_error_"))]
     for key, datasets in effects.groupby(["mechanism", "truth", "snr_db"], sort=False):

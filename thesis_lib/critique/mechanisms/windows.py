@@ -1,29 +1,29 @@
-"""Equations of motion over windows, free of contact forces and whitened by the noise of the states.
+"""Equations of motion summed over windows of steps, free of contact forces and whitened by the noise of the states.
 
 In step k the believed model leaves h (Y_k π − f_k − Q_k) = h J_k' c_k.  Let N_k span the directions that the active
 contacts leave free, J_k N_k = 0.  Contact forces then drop out, and a window of steps with the same contacts gives
 
     r_w = Σ_k N_k' h (Y_k π − f_k − Q_k),        h Y_k π ∋ M_k (v_{k+1} − v_k).
 
-Noisy velocities enter only at the ends of the window, not divided by h at each step.  (`steps` says how q, v and v̇ of
-a step follow from samples, and how a window weighs its steps; the weights are part of N_k.)  N_k = [1; −J_D⁻¹ J_F] with
-free coordinates F and dependent ones D; D is fixed within a window, so that N varies smoothly.  A contact counts as
-active if noise could hide it: projecting out an inactive one only costs information.
+Noisy velocities enter only at the ends of the window, not divided by h at each step.  (`steps` defines how q, v and v̇
+of a step follow from samples, and how a window weights its steps; N_k includes the weights.)  N_k = [1; −J_D⁻¹ J_F]
+with free coordinates F and dependent coordinates D; D is fixed within a window, so N varies smoothly.  A contact counts
+as active if noise could hide it: projecting out an inactive contact only loses information.
 
-A driven joint that stands still may stick: dry friction is then a force of constraint, of any size up to its limit.
-In measured motion such a joint counts as a contact of its own (`stands`), with the row of its coordinate for J.
+A driven joint at rest may stick: dry friction is then a constraint force, of any size up to its limit.  In measured
+motion such a joint counts as a contact of its own, whose row of J selects the coordinate of the joint.
 
-The noise of the samples is independent with known σ for each channel; an instant that errs by σ_t adds v σ_t to it.
-With G the change of r with each sample, by central differences of the equations of a step,
+The noise of the samples is independent with known σ for each channel; an error σ_t of the instant adds v σ_t to it.
+With G the derivative of r with respect to each sample, by central differences of the equations of a step,
 
     S = G diag(σ²) G',      S = L L',      z = L⁻¹ r      one S per trial,
 
 z is unit noise to first order if the model is right.  Windows without free directions (the wheel on two spokes), near a
-singular pose, or shorter than `min_window` are left out and counted.
+singular pose, or shorter than `min_window` are left out; their steps are counted.
 
 | on paper | in code   | unit   | shape      | meaning                                          |
 |----------|-----------|--------|------------|--------------------------------------------------|
-| N_k'     | `basis`   | 1, m   | (n, nv, nv)| rows beyond the free ones are zero               |
+| N_k'     | `basis`   | 1, m   | (n, nv, nv)| rows beyond the free directions are zero         |
 | Q_k      | `force`   | N, N m | (n, nv)    | force of effects                                 |
 | z        | returned  | 1      | (N,)       | whitened residuals, trial by trial               |
 
@@ -47,7 +47,7 @@ from thesis_lib.critique.mechanisms.steps import StepRule, Trial, may_touch, rul
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.simulate.stepping.multibody import ContactGeometry
 
-NUDGE = 1e-5  # m, rad and per s: central differences of smooth functions of order one
+NUDGE = 1e-5  # in m and rad, and their rates: step of central differences of smooth functions of order one
 SINGULAR = 0.02  # least |det J_D| in a window: below it N amplifies noise
 
 
@@ -64,13 +64,13 @@ class WeakForm:
     """Window equations of trials under a believed model.
 
     Attributes:
-        motion: (n, ...) all steps in a window, with contact forces of the believed model alone.
+        motion: (n, ...) all steps in windows, with contact forces of the believed model alone.
         f: (n, nv) known forces in N, N m; step: (n,) number of each step in its trial.
-        starts, ends: (windows,) first step of each window, and the one after its last.
-        active_pairs: its contact pairs, and p + i where joint i stands.
+        starts, ends: (windows,) first step of each window, and the step after its last.
+        active_pairs: active contact pairs of each window, and p + i if joint i is at rest.
         trial, window, coordinate: (N,) trial, window and free coordinate of each row of z.
-        left_out: steps in no window, by reason; steps, trials: numbers of all.
-        columns: by sensor error, what one unit changes in z; filled by `world`.
+        left_out: number of steps in no window, by reason; steps, trials: total numbers.
+        columns: by sensor error, change of z per unit of each parameter; filled by `world`.
 
     Raises:
         UserError: no usable window, or a state that is not finite.
@@ -83,12 +83,12 @@ class WeakForm:
         self.steps, self.trials = sum(len(t.f_ext) for t in trials), len(trials)
         for i, t in enumerate(trials):
             if not all(np.isfinite(x).all() for x in (t.q, t.v, t.f_ext, t.sigma)):
-                raise UserError(f"Trial {i} holds states, forces or noise that are not finite; repair or drop it.")
+                raise UserError(f"Trial {i} contains states, forces or noise that are not finite: repair or remove it.")
         self.rule: StepRule = rule_of(trials[0].velocities, self.h)
         windows = [w for i, t in enumerate(trials) for w in self._windows(i, t, settings)]
         if not windows:
             raise UserError(
-                "No window of any trial has a direction that its contacts leave free, so nothing can be criticised; "
+                "No window has a direction that its contacts leave free, so the model cannot be criticised; "
                 f"steps left out: {dict(self.left_out)}."
             )
         self.step = np.concatenate([np.arange(w.start, w.stop) for w in windows])
@@ -104,7 +104,7 @@ class WeakForm:
         self._factors = self._whitening(trials)
 
     def _states(self, t: Trial, w: "_Window") -> tuple[np.ndarray, ...]:
-        """q, v, a, f, df (n, nv) of the steps of a window."""
+        """Return q, v, a, f, df (n, nv) of the steps of a window."""
         k, rule = np.arange(w.start, w.stop), self.rule
         states = (rule.of(stencil, t.q, t.v, k) for stencil in (rule.q, rule.v, rule.a))
         last = len(t.f_ext) - 1
@@ -113,18 +113,18 @@ class WeakForm:
         return (*states, *known)
 
     def _active(self, t: Trial, settings: EquationWindowSettings) -> np.ndarray:
-        """(m, p) or (m, p + joints): which pairs may touch, and which joints stand, in the time that a step needs."""
+        """Return (m, p) or (m, p + joints): pairs that may touch, and joints at rest, within the samples of a step."""
         if t.velocities == "time_stepping":
             q, v = t.q[:-1], t.v[:-1]
             contacts = self.model.mechanism.contacts_of(q)
             closing = np.minimum(0.0, self.h * np.einsum("kpv,kv->kp", contacts.J_n, v))
             active = contacts.phi + closing <= self._reach(contacts, t, settings)
-            # the step before counts too: a driven arm closes a gap faster than gravity
+            # the step before also counts: a driven arm closes a gap faster than gravity
             active[:-1] |= active[1:]
             return active
         contacts = self.model.mechanism.contacts_of(t.q)
         active = may_touch(contacts.phi, self._reach(contacts, t, settings))
-        if t.velocities == "derived":  # a second difference sees the interval before, too
+        if t.velocities == "derived":  # a second difference also contains the interval before
             active[1:] |= active[:-1].copy()
         k = np.arange(self.rule.before, len(t.q) - self.rule.after)
         still = np.zeros((len(active), self.model.joints), dtype=bool)
@@ -132,11 +132,11 @@ class WeakForm:
         noise = np.sqrt(weights @ weights) * t.sigma["qv".index(self.rule.v[0][0])]
         for i in range(self.model.joints):
             slow = np.abs(v[:, i]) <= settings.gap_sigmas * noise[i] + SMOOTH_JOINT
-            still[k, i] = binary_opening(slow, np.ones(settings.min_window))  # no shorter stretches
+            still[k, i] = binary_opening(slow, np.ones(settings.min_window))  # drop shorter intervals
         return np.concatenate([active, still], axis=1)
 
     def _reach(self, contacts: ContactGeometry, t: Trial, settings: EquationWindowSettings) -> np.ndarray:
-        """Gap (m, p) in m within which a contact counts: noise, and one step of free fall."""
+        """Return the gap (m, p) in m below which a contact is active: noise, and one step of free fall."""
         spread = np.sqrt(np.einsum("kpv,v->kp", contacts.J_n**2, t.sigma[0] ** 2))
         return settings.gap_sigmas * spread + np.linalg.norm(self.model.gravity) * self.h**2
 
@@ -163,7 +163,7 @@ class WeakForm:
         return windows
 
     def _group(self, windows: list[_Window]) -> None:
-        """Group steps with the same contacts and dependent coordinates, to batch their algebra."""
+        """Group steps with the same contacts and dependent coordinates, for batched linear algebra."""
         self.ends = np.cumsum([w.stop - w.start for w in windows])
         self.starts = np.concatenate([[0], self.ends[:-1]])
         groups: dict[tuple, list[np.ndarray]] = {}
@@ -190,7 +190,7 @@ class WeakForm:
         return basis * self._weight[:, None, None]
 
     def _constraints(self, q: np.ndarray) -> np.ndarray:
-        """(J M⁻¹ J')⁺ J M⁻¹ (n, 2 p or more, nv), which maps the residual force to contact forces."""
+        """Return (J M⁻¹ J')⁺ J M⁻¹ (n, 2 p or more, nv), which maps the residual force to contact forces."""
         contacts = self.model.mechanism.contacts_of(q)
         n, pairs = contacts.phi.shape
         is_active = np.zeros((n, pairs + self.model.joints), dtype=bool)
@@ -205,22 +205,22 @@ class WeakForm:
         return np.linalg.pinv(JM @ np.swapaxes(J, 1, 2), hermitian=True) @ JM
 
     def contact_forces(self, force: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """c_n, c_t (n, p) in N that the motion requires if `force` (n, nv) acts besides the believed model."""
+        """Return c_n, c_t (n, p) in N that the motion requires if `force` (n, nv) acts besides the believed model."""
         p = len(self.model.mechanism.pairs)
         c = np.einsum("kcv,kv->kc", self._to_contact[:, : 2 * p], self._rest - force)
         return c[:, :p], c[:, p:]
 
     def with_normals(self, force: np.ndarray) -> MotionSteps:
-        """The motion with the normal forces that it requires if `force` (n, nv) also acts."""
+        """Return the motion with the normal forces that it requires if `force` (n, nv) also acts."""
         c_n = self.contact_forces(force)[0]
-        if self.rule.power:  # the noise of one step exceeds the force: the mean of a window
+        if self.rule.power:  # the noise of a single step exceeds the force: use the mean over the window
             total = np.add.reduceat(self._weight[:, None] * c_n, self.starts, axis=0)
             mean = total / np.add.reduceat(self._weight, self.starts)[:, None]
             c_n = np.repeat(mean, self.ends - self.starts, axis=0)
         return replace(self.motion, c_n=c_n)
 
     def gathered(self, force: np.ndarray) -> np.ndarray:
-        """Σ_k N_k' h force_k over each window, whitened: (n, nv) to (N,), or (n, nv, j) to (N, j)."""
+        """Return Σ_k N_k' h force_k over each window, whitened: (n, nv) to (N,), or (n, nv, j) to (N, j)."""
         step = np.einsum("krv,kv...->kr...", self.basis, self.h * force)
         rows = np.add.reduceat(step, self.starts, axis=0)[self.window, self._slot]
         whitened = np.empty_like(rows)
@@ -229,20 +229,20 @@ class WeakForm:
         return whitened
 
     def residual(self, force: np.ndarray) -> np.ndarray:
-        """z (N,) if `force` (n, nv) of the effects acts besides the believed model."""
+        """Return z (N,) if `force` (n, nv) of the effects acts besides the believed model."""
         return self.gathered(self._rest - force)
 
     def _steps_of(self, window: int) -> np.ndarray:
         return np.arange(int(self.starts[window]), int(self.ends[window]))
 
     def _whitening(self, trials: Sequence[Trial]) -> list[tuple[np.ndarray, np.ndarray]]:
-        """Rows of z and L of each trial."""
+        """Return the rows of z and the factor L of each trial."""
         n, nv = self.motion.q.shape
         measured = np.stack([self.motion.q, self.motion.v, self.motion.a])
 
         def balance(q: np.ndarray, v: np.ndarray, a: np.ndarray) -> np.ndarray:
             rest = self.model.inverse_dynamics(q, v, a) - self.f
-            basis = self.basis if (q == self.motion.q).all() else self._basis(q)  # it depends on poses alone
+            basis = self.basis if (q == self.motion.q).all() else self._basis(q)  # depends on poses alone
             return np.einsum("krv,kv->kr", basis, self.h * rest)
 
         slopes = np.zeros((3, n, nv, nv))  # of q, v, v̇; row, channel
@@ -272,15 +272,15 @@ class WeakForm:
             if self.rule.is_blind_to_instants:
                 T = self._instants(t, rows)
                 S += T @ T.T
-            # rows may have no noise at all: a small diagonal keeps the factor defined
+            # rows may have no noise at all: a small diagonal keeps S positive definite
             S += 1e-14 * np.trace(S) / len(S) * np.eye(len(S))
             factors.append((rows, np.linalg.cholesky(S)))
         return factors
 
     def _instants(self, t: Trial, rows: np.ndarray) -> np.ndarray:
-        """(rows, m+1): change of r by one sigma of the instant, within each step, at which its contact impulse acts.
+        """Return (rows, m+1): change of r by one sigma of the instant at which the contact impulse of each step acts.
 
-        An impact takes less than a step, in which J turns by ΔJ: the error is N' ΔJ' h c / √12.
+        An impact is shorter than a step, during which J changes by ΔJ: the error is N' ΔJ' h c / √12.
         """
         T = np.zeros((len(rows), len(t.q)))
         contacts = self.model.mechanism.contacts_of(t.q)
@@ -294,7 +294,7 @@ class WeakForm:
 
 
 def _pieces(a: int, b: int, settings: EquationWindowSettings, rule: StepRule) -> list[tuple[int, int]]:
-    """First and last-but-one steps of the windows of a stretch a..b-1: side by side, or half over each other."""
+    """Return (start, stop) of the windows in steps a to b-1: side by side, or half overlapping."""
     if not rule.power:
         parts = max(1, round((b - a) / settings.window))
         return list(pairwise(np.linspace(a, b, parts + 1).round().astype(int).tolist()))
@@ -305,7 +305,7 @@ def _pieces(a: int, b: int, settings: EquationWindowSettings, rule: StepRule) ->
 
 
 def _jacobians(contacts: ContactGeometry, pairs: tuple[int, ...]) -> np.ndarray:
-    """Normal and tangential rows (n, 2 p, nv) of `pairs`, and the coordinates of joints, which count on after them."""
+    """Return the normal and tangential rows (n, 2 p, nv) of `pairs`; numbers from p on denote joints at rest."""
     n, p, nv = contacts.J_n.shape
     touching, joints = [j for j in pairs if j < p], [j - p for j in pairs if j >= p]
     still = np.broadcast_to(np.eye(nv)[joints], (n, len(joints), nv))
@@ -313,7 +313,7 @@ def _jacobians(contacts: ContactGeometry, pairs: tuple[int, ...]) -> np.ndarray:
 
 
 def _dependent(J: np.ndarray) -> tuple[tuple[int, ...], str]:
-    """Coordinates that the constraints J (k, c, nv) of a window determine, and why it is unusable, or ''."""
+    """Return the coordinates that constraints J (k, c, nv) of a window determine, and why it is unusable, or ''."""
     c, nv = J.shape[1:]
     if c == 0:
         return (), ""

@@ -1,18 +1,18 @@
-"""A mechanism's equations of motion as a world for the search: one base, forces as candidates, windows as data.
+"""Equations of motion of a mechanism as input of the search: one base model, forces as candidates, windows as data.
 
 With z (N,) the window equations of `windows`, U = -∂z/∂p (N, n_p) and unit noise,
 
     p̂ = argmin |z(0) - U p|²,    cov p̂ = (U'U)⁻¹,    log score = -|z|²/2 + const.
 
-Stated errors of sensors (`sensors`) are fitted with every model.  Their priors are rows of their own, p / σ_p = 0 ± 1,
-which belong to no trial.  What they still leave open widens the noise of windows that they are not fitted to, and these
-are judged one after the other, each given those before it:
+Stated sensor errors (`sensors`) are fitted with every model.  Their priors add rows p / σ_p = 0 ± 1, which belong to
+no trial.  Their remaining uncertainty increases the noise of windows to which they were not fitted; these windows are
+judged one after the other, each conditional on the previous ones:
 
     S = I + U_s cov(p̂_s) U_s' = L L',      z → L⁻¹ z,      log score = -|L⁻¹ z|²/2 - log |L| + const.
 
-The direction of gravity is not linear in its parameter, nor are effects that need contact forces, which depend on the
-other effects.  So the linear fit is repeated, each time at the last values.  All else is linear: parameters of a fold
-follow from the full fit, and refits gain what the score test predicts.
+Two kinds of force are not linear in their parameters: the direction of gravity, and effects that need contact forces,
+which depend on the other effects.  So the linear fit is repeated, each time about the last values.  The rest is linear:
+parameters of a fold follow from the full fit, and refits achieve the gain that the score test predicts.
 """
 
 from collections.abc import Mapping, Sequence
@@ -31,7 +31,7 @@ from thesis_lib.statistics.bootstrap import central_95, draw_counts
 
 BASE = "believed"
 ROUNDS = 3  # linear fits
-DETERMINED = 0.5  # posterior over prior variance, below which data determine an error of sensors
+DETERMINED = 0.5  # ratio of posterior to prior variance below which the data determine a sensor error
 
 
 @dataclass(frozen=True)
@@ -41,7 +41,7 @@ class ForceFit:
     Attributes:
         values, std: by effect and sensor error, (n_p,) parameters and standard errors.
         z: (N,) whitened residual with the effects.
-        columns: (N, sum n_p) U, of sensor errors first.
+        columns: (N, sum n_p) U, with the columns of sensor errors first.
         sensors: stated errors of sensors, fitted with the effects.
     """
 
@@ -60,7 +60,7 @@ class ForceFit:
 
     @property
     def prior(self) -> tuple[np.ndarray, np.ndarray]:
-        """Residuals (n,) of the priors and their `columns` (n, sum n_p)."""
+        """Residuals (n,) of the priors, and their `columns` (n, sum n_p)."""
         return _prior(self.forces, self.values)
 
     @property
@@ -74,7 +74,7 @@ class ForceFit:
 class ForceJudgement:
     """Whitened residuals z (N,) of the windows `weak` under a model fitted to other windows.
 
-    `spread` (N,) is the predicted standard deviation of each row, given those before it, over that of its noise alone.
+    `spread` (N,) is the predicted standard deviation of each row, given the rows before it, over its noise alone.
     """
 
     z: np.ndarray
@@ -99,11 +99,11 @@ class ForceJudgement:
 
     @property
     def misfit(self) -> float:
-        """Root mean square of z, 1 if noise alone is left."""
+        """Root mean square of z, 1 if only noise is left."""
         return float(np.sqrt(np.mean(self.z**2)))
 
     def misfit_interval(self, draws: int, rng: np.random.Generator) -> tuple[float, float, float]:
-        """Misfit with its 95 % interval, from the bootstrap over trials."""
+        """Return the misfit with its 95 % interval, from the bootstrap over trials."""
         trials = self.trials
         squares = np.bincount(self.weak.trial, self.z**2)[trials]
         rows = np.bincount(self.weak.trial)[trials]
@@ -112,7 +112,7 @@ class ForceJudgement:
 
 
 class MechanismWorld(World[MechanismEffect, ForceFit, ForceJudgement]):
-    """Window equations of trials, and the forces that they may lack."""
+    """Window equations of trials, and the candidate forces that they may lack."""
 
     unit = "window"
     bases = (BASE,)
@@ -194,15 +194,15 @@ def fit_effects(
 
 
 def _prior(forces: Sequence[MechanismEffect], values: Mapping[str, np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
-    """Residuals -p / σ_p of the priors of `forces`, and their columns, one for each parameter of any force."""
+    """Return residuals -p / σ_p of the priors of `forces`, and their columns, one for each parameter of any force."""
     sigma = np.array([sigma for e in forces for sigma in e.prior])
     own = np.concatenate([np.zeros(0), *(values[e.name] for e in forces if e.prior)])
-    # sensor errors, which alone have priors, are the first of the columns
+    # only sensor errors have priors, and their columns come first
     return -own / sigma, np.eye(len(sigma), sum(len(e.parameters) for e in forces)) / sigma[:, None]
 
 
 def predict(weak: WeakForm, fitted: ForceFit) -> ForceJudgement:
-    """Judge a model on windows that it was not fitted to."""
+    """Judge a model on windows to which it was not fitted."""
     z = weak.residual(total_force(weak, fitted.forces, fitted.values))
     _, units = fitted.prior
     if not len(units):
@@ -214,9 +214,9 @@ def predict(weak: WeakForm, fitted: ForceFit) -> ForceJudgement:
 
 
 def sensor_excess(fitted: ForceFit) -> tuple[float, float]:
-    """How far fitted errors of sensors exceed the stated ones: their rms over what is expected, and the p-value.
+    """Return the rms of fitted sensor errors over the value expected from the stated errors, and the p-value.
 
-    In directions that the data determine, p̂ has the covariance S₀ - C, prior less posterior, and |p̂|² in it is χ².
+    In directions that the data determine, p̂ has covariance S₀ - C, prior minus posterior; |p̂|² in these units is χ².
     """
     own, units = fitted.prior
     if not len(own):
@@ -236,7 +236,7 @@ def _covariance(U: np.ndarray) -> np.ndarray:
 
 
 def _widened(z: np.ndarray, U: np.ndarray, cov: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """L⁻¹ z and the diagonal of L, for parameters of columns U (N, n) with covariance `cov`."""
+    """Return L⁻¹ z and the diagonal of L, for parameters with columns U (N, n) and covariance `cov`."""
     if not U.shape[1]:
         return z, np.ones(len(z))
     L = np.linalg.cholesky(np.eye(len(z)) + U @ cov @ U.T)
@@ -244,7 +244,7 @@ def _widened(z: np.ndarray, U: np.ndarray, cov: np.ndarray) -> tuple[np.ndarray,
 
 
 def total_force(weak: WeakForm, effects: Sequence[MechanismEffect], values: Mapping[str, np.ndarray]) -> np.ndarray:
-    """Force (n, nv) in N or N m of `effects` at `values`, with the contact forces that they cause."""
+    """Return the force (n, nv) in N or N m of `effects` at `values`, with the contact forces that they cause."""
 
     def of(motion: MotionSteps) -> np.ndarray:
         return sum((e.force(weak.model, motion, values[e.name]) for e in effects), np.zeros_like(weak.f))
@@ -259,13 +259,13 @@ def _columns(
     effects: Sequence[MechanismEffect],
     values: Mapping[str, np.ndarray],
 ) -> list[np.ndarray]:
-    """U (N, n_p) of each effect `asked`: change of -z per unit of its parameters, with `effects` at `values` acting."""
+    """Return U (N, n_p) of each effect `asked`: change of -z per unit of its parameters, with `effects` acting."""
     found, with_contact = [], weak.motion
-    if any(e.needs_normal for e in asked):  # others do not see the contact forces, and cost less
+    if any(e.needs_normal for e in asked):  # other effects do not need the contact forces, and cost less
         with_contact = weak.with_normals(total_force(weak, effects, values))
     for e in asked:
         none = np.zeros(len(e.parameters))
-        if e.prior:  # linear and independent of contact forces: the same with any other force
+        if e.prior:  # linear and independent of contact forces, so independent of all other forces
             if e.name not in weak.columns:
                 weak.columns[e.name] = _slopes(weak, e, weak.motion, none)
             found.append(weak.columns[e.name])
@@ -275,7 +275,7 @@ def _columns(
 
 
 def _slopes(weak: WeakForm, effect: MechanismEffect, motion: MotionSteps, here: np.ndarray) -> np.ndarray:
-    """U (N, n_p) at the parameters `here`."""
+    """Return U (N, n_p) at the parameters `here`."""
     base = effect.force(weak.model, motion, here)
     slopes = [
         (effect.force(weak.model, motion, here + p.scale * unit) - base) / p.scale
@@ -285,7 +285,7 @@ def _slopes(weak: WeakForm, effect: MechanismEffect, motion: MotionSteps, here: 
 
 
 def _solve(U: np.ndarray, z: np.ndarray) -> np.ndarray:
-    """Least squares with columns of unit norm."""
+    """Solve the least-squares problem with columns scaled to unit norm."""
     scale = np.linalg.norm(U, axis=0)
     scale[scale == 0.0] = 1.0
     return np.linalg.lstsq(U / scale, z, rcond=RANK)[0] / scale

@@ -1,1 +1,1 @@
-"""Where no named effect fits: a term for what is left, by sparse regression, tested like any effect, as a file."""
+"""If no named effect fits: a new term, found by sparse regression, tested like any effect, written as a file."""

@@ -1,7 +1,7 @@
 """A term as the text of an effect file, and the effect that this text defines.
 
-The critique fits and judges the very code that it writes: `effect_of` runs the text.  The text is made of the words of
-`terms` and of numbers alone, never of anything that a dataset says.
+The critique fits and judges the very code that it writes: `effect_of` runs the text.  The text consists of the words of
+`terms` and of numbers alone, never of the content of a dataset.
 """
 
 from collections.abc import Mapping, Sequence
@@ -13,7 +13,7 @@ import numpy as np
 from thesis_lib.critique.proposal.terms import Term
 from thesis_lib.effects import Effect
 
-# a of φ near 1 at which a term matters, and how far a fit may go
+# size a at which a term with φ near 1 matters, and the largest one in a fit
 SCALES = {"epsilon": (0.2, 3.0), "mu": (0.4, 10.0), "direction": (0.05, 1.0), "couple": (0.1, 2.0)}
 LARGE = {"place": 10.0, "squared_spin": 0.3}  # usual size of factors that are far from 1
 
@@ -24,19 +24,19 @@ HEAD = '''\
 
 {equations}
 
-Proposed by the critique where no named effect fitted.
+Proposed by the critique because no named effect fitted.
 
 | on paper | in code | unit | shape |                                          |
 |----------|---------|------|-------|------------------------------------------|
-| a        | `a`     | 1    |       | size of the term; 0 is a world without it |
+| a        | `a`     | 1    |       | size of the term; 0: without the term    |
 
 {symbols}
 {found}
 """
 
-# A guess that these data support, no law yet: read it, give it a name, edit it.  What would nature do here?
-#   python -m thesis_lib effects --check FILE.py
-#   python -m thesis_lib critique DATA --effects FILE.py
+# A formula that these data support, not yet a law: read it, give it a name, edit it, and look for its cause.
+#   thesis-lib effects --check FILE.py
+#   thesis-lib critique DATA --effects FILE.py
 
 import numpy as np
 
@@ -80,13 +80,13 @@ RETURNED = {
     "epsilon": 'mu, np.clip(epsilon * (1.0 + p["a"] * phi), 0.0, 1.0)',
     "mu": 'np.maximum(mu * (1.0 + p["a"] * phi), 0.0), epsilon',
 }
-# what the path is given, and its value
+# argument of the driven path, and its value
 DRIVEN = {
     "mu": ("factor", '1.0 + p["a"] * {phi}'),
     "direction": ("sideways", 'p["a"] * {phi}'),
     "couple": ("couple", 'p["a"] * rig.k_g * {phi}'),
 }
-# how the variables of a factor's code come about, in the order in which they are written
+# code that defines the variables of a factor, in the order in which it is written
 VARIABLES = {
     "v_t": "v_t = contact.v_t",
     "v_n": "v_n = contact.v_n",
@@ -109,7 +109,7 @@ MEANINGS = {
 
 
 def source(terms: Sequence[Term], found: str = "") -> str:
-    """Text of a file with an effect for each term; `found`: what the critique measured, in plain words."""
+    """Text of a file with an effect for each term; `found`: results of the critique, in plain words."""
     used = {name for term in terms for name in term.variables}
     used |= {"v_t"} if used & {"v", "v_n"} else set()
     symbols = [text for name, text in MEANINGS.items() if name in used]
@@ -163,12 +163,12 @@ def _camel(term: Term) -> str:
 
 @cache
 def effect_of(term: Term) -> Effect:
-    """The effect of a term: what the file that `source` writes defines."""
+    """The effect of a term, as defined by the file that `source` writes."""
     namespace: dict = {"__name__": __name__}
     exec(compile(source([term]), f"<{term.name}>", "exec"), namespace)
     return namespace["EFFECT"]
 
 
 def phi(term: Term, values: Mapping[str, Any]) -> np.ndarray:
-    """φ (n,) of a term from its variables by name; the text that is run is the factors' own."""
+    """φ (n,) of a term from its variables by name; only the code of its factors is run."""
     return eval(term.code, {"np": np}, dict(values))

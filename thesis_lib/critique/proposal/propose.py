@@ -1,12 +1,12 @@
-"""Propose a term where the critique leaves something unexplained.
+"""Propose a term if the critique leaves an error unexplained.
 
-1. What the critique named may only stand in for the cause.  So the search for a term starts from its final model, and
-   from the best impact law and the energetic one, both without effects.
+1. Effects that the critique named may only compensate for the cause.  So the search for a term starts from the final
+   model, and from the best impact law and the energetic one, both without effects.
 2. At each start sparse regression ranks all terms; the best of them, and all single factors, are fitted
    with all parameters free, to single hits, as impulses.
-3. The best few, less a nat for each parameter, are tried with every impact law; the best is a candidate like an effect.
-4. It enters, and may be struck off by the held-out trials, by the tests of `search` and `judge_held_out`.
-5. The same is then asked for a second term, and for the effects that the critique had named.
+3. The best few, by gain less a nat per parameter, are tried with every impact law; the best becomes a candidate effect.
+4. Like any effect, it must pass the tests of `search` to enter, and those of `judge_held_out` on held-out trials.
+5. The same is then repeated for a second term, and for the effects that the critique had named.
 
 Terms are chosen by sparse regression.  With z the whitened residuals of the fitted model and X their slopes in the
 terms, both after the slopes of the fitted parameters are projected out, orthogonal matching pursuit chooses the columns
@@ -39,7 +39,7 @@ from thesis_lib.foundation.randomness import streams
 ENERGETIC = "mirtich"  # the law to which contacts that take time come as these get shorter
 HALVES = 40  # halves of the trials
 CHOSEN = 2  # terms chosen in each
-TRIED = 60  # terms that gain most are what the halves choose from
+TRIED = 60  # terms of largest gain, from which the halves choose
 
 
 class Accepted(NamedTuple):
@@ -74,7 +74,7 @@ class Proposal:
 
     @property
     def kept(self) -> tuple[Effect, ...]:
-        """Effects of the library that the model still has."""
+        """Effects of the library that the model still contains."""
         own = {one.term.name for one in self.terms}
         return tuple(effect for effect in self.fitted.effects if effect.name not in own)
 
@@ -88,12 +88,12 @@ class _Try(NamedTuple):
 
     @property
     def name(self) -> str:
-        """Of the term or effect."""
+        """Name of the term or effect."""
         return self.fitted.effects[-1].name
 
     @property
     def score(self) -> float:
-        """In nats, less one for each parameter."""
+        """Log score in nats, less one for each parameter."""
         return self.fitted.score - len(self.fitted.values)
 
 
@@ -106,7 +106,7 @@ def propose(
 
 
 class _TermSearch(Search[Effect, Fit, Judgement]):
-    """The search from the critique's final model on, with terms as candidates."""
+    """A search that continues from the critique's final model, with terms as candidates."""
 
     def __init__(self, critique: DropsCritique, rng: np.random.Generator, say: Callable[[str], None]) -> None:
         self.critique, self.stream, settings = critique, streams(rng), critique.settings
@@ -114,12 +114,12 @@ class _TermSearch(Search[Effect, Fit, Judgement]):
         world = Drops(critique.training, settings)
         super().__init__(world, settings, self.stream("folds"), say)
         self.screen = Drops(world.quick, settings)
-        # one that was added from a file is an effect like any other
+        # a term that was added from a file is an effect like any other
         terms = testable_terms(world.observations.rig.has_angle)
         self.terms = {term.name: term for term in terms if term.name not in EFFECTS}
         self.named = critique.discovery.fitted.effects
         self.most = len(self.named) + settings.max_terms
-        self.shares: dict[str, float] = {}  # by term, what the regression said of it when it was the best
+        self.shares: dict[str, float] = {}  # by term, its share in the regression when it was the best
         world.candidates = {effect.name: effect for effect in (*self.named, *map(effect_of, self.terms.values()))}
 
     def propose(self) -> Proposal | None:
@@ -128,7 +128,7 @@ class _TermSearch(Search[Effect, Fit, Judgement]):
         path = self.extend(Path(found.base, found.fitted, judged, list(found.steps)), with_reserve=False)
         if not self.own(path.steps):
             return None
-        self.drop_superfluous(path, "immaterial")  # what still stands in for the terms
+        self.drop_superfluous(path, "immaterial")  # effects that had compensated for the terms
         if self.world.leaves_an_error(path.judged):
             self.refine(path, "none")
         is_full = len(self.own(path.steps)) == settings.max_terms and path.judged.excess > settings.excess_scatter
@@ -167,7 +167,7 @@ class _TermSearch(Search[Effect, Fit, Judgement]):
         return Shortlist({best.name: fitted}, [without], best.tests, alike=tuple(one.name for one in alike))
 
     def starts(self) -> list[Fit]:
-        """Quick fits from which a term is looked for: the final model, and without what may only stand in."""
+        """Quick fits from which the search for a term starts: the final model, and two laws without effects."""
         discovery, final = self.critique.discovery, self.critique.discovery.fitted
         rigid = max((discovery.bases[name] for name in self.world.bases), key=lambda fit: fit.score)
         base = final.base if self.has_formula(final) else rigid.base
@@ -207,7 +207,7 @@ class _TermSearch(Search[Effect, Fit, Judgement]):
         return self.world.fit(start.base, (*start.effects, effect), start.values, "quick")
 
     def simplest(self, tries: Sequence[_Try]) -> _Try:
-        """The best; a single factor that explains as much as the best product is taken instead."""
+        """The best try, or instead a single factor that explains as much as the best product."""
         best = max(tries, key=lambda one: one.score)
         least = best.score - self.choice.simpler
         single = {name for name, term in self.terms.items() if len(term.factors) == 1}
@@ -231,9 +231,9 @@ class _TermSearch(Search[Effect, Fit, Judgement]):
 def regress(
     world: Drops, fitted: Fit, terms: Sequence[Term], rng: np.random.Generator
 ) -> tuple[Scan, dict[str, float]]:
-    """Score tests of all terms at `fitted`, whose null counts all that were tried, and how often each is chosen.
+    """Score tests of all terms at `fitted`, with a null that counts all of them, and how often each is chosen.
 
-    The latter is the share of the halves by name of the term, the largest first.
+    The latter is the share of the halves by name of the term, largest first.
     """
     slopes = world.slopes(fitted, [effect_of(term) for term in terms])
     tests = scan(slopes, world.resamples, rng)

@@ -2,10 +2,10 @@
 
 | key of `proposal` | meaning                                                                                       |
 |-------------------|-----------------------------------------------------------------------------------------------|
-|                   | null where no term passed the test                                                            |
-| terms             | name, title, equation, parameters, gain by K-fold with p-value, terms that say the same       |
+|                   | null if no term passed the test                                                               |
+| terms             | name, title, equation, parameters, gain by K-fold with p-value, indistinguishable terms       |
 |                   | `share_of_halves`: of the halves of the trials in which sparse regression chose the term      |
-| law, effects      | of the model with the terms: its law, and the library's effects that it still needs           |
+| law, effects      | of the model with the terms: its law, and the effects of the library that it still needs      |
 | parameters        | of that model, by full name                                                                   |
 | gain              | on held-out trials, over the critique's final model                                           |
 | error             | held-out error: of the critique's final model, with the proposal, of noise alone              |
@@ -27,8 +27,8 @@ from thesis_lib.foundation.files import six_digits, write_text
 from thesis_lib.statistics.wording import bounded, listed, number
 
 UNTESTABLE = "terms_in_v_t_omega_and_beta"  # as it stands under `not_testable` of diagnosis.json
-MOST_NAMES = 99  # files with other content beside each other
-MOST_SAID = 3  # terms that say the same
+MOST_NAMES = 99  # files with different content in one folder
+MOST_SAID = 3  # indistinguishable terms that are named
 
 
 def content_of(proposal: Proposal | None, file: str) -> dict | None:
@@ -71,8 +71,8 @@ def content_of(proposal: Proposal | None, file: str) -> dict | None:
 
 
 def with_proposal(content: Mapping, proposal: Proposal | None, file: str, has_angle: bool) -> dict:
-    """`content` of diagnosis.json where terms were looked for; `file`: name of the effect file, "" without one."""
-    why = "theta is not measured: the unknown spin takes up any error that depends on it"
+    """`content` of diagnosis.json after a search for terms; `file`: name of the effect file, "" without one."""
+    why = "theta is not measured: the unknown spin can explain any error that depends on it"
     untold = [] if has_angle else [{"name": UNTESTABLE, "why": why}]
     told = {**content, "proposal": content_of(proposal, file), "not_testable": [*content["not_testable"], *untold]}
     return {**told, "summary": [*content["summary"], *sentences(told)]}
@@ -85,7 +85,7 @@ def sentences(d: Mapping) -> list[str]:
         has_angle = all(one["name"] != UNTESTABLE for one in d.get("not_testable", ()))
         targets = "restitution, friction, a sideways impulse or a couple" if has_angle else "restitution or friction"
         return [
-            f"Of {len(testable_terms(has_angle))} terms that could be added to {targets} none passes the test of an "
+            f"Of {len(testable_terms(has_angle))} terms that could be added to {targets}, none passes the test of an "
             "effect, so none is proposed."
         ]
     error, terms = found["error"], found["terms"]
@@ -97,18 +97,18 @@ def sentences(d: Mapping) -> list[str]:
     fall = f"the held-out error {SearchSettings().change(error['before'], error['after'], floor, speed)}{beside}"
     same = [name for one in terms for name in one["indistinguishable_from"]]
     doubt = [f"These data cannot tell it from {listed(same[:MOST_SAID])}."] if same else []
-    ended = f"The search for terms ended at max_terms = {found['limit']}, although more than noise is left; "
-    ended += "critique.settings.max_terms of the configuration, max_terms of the settings in Python, allows more."
+    ended = f"The search for terms ended at max_terms = {found['limit']}, although the error exceeds the noise; "
+    ended += "critique.settings.max_terms in the configuration, or max_terms of the settings in Python, allows more."
     where = "Critique.save(folder) writes it as an effect file to read, rename and edit, which --effects adds."
     if file := found["file"]:
-        where = f"{file}, beside the folder, holds it as an effect to read, rename and edit, and critique DATA "
+        where = f"{file}, beside the folder, contains it as an effect to read, rename and edit, and critique DATA "
         where += f"--effects {file} adds it."
     return [
         f"Proposed {many}: {listed(named)}; of {found['tried']} that were tried, p = {number(worst, 2)}; with "
         f"{'them' if len(terms) > 1 else 'it'} {fall}.",
         *doubt,
         *[ended] * (found["limit"] is not None),
-        f"That is a form for what is missing, not its cause: {where}",
+        f"This is a formula for the missing effect, not its cause: {where}",
     ]
 
 
@@ -119,7 +119,7 @@ def sized(term: Mapping) -> str:
 
 
 def text_of(proposal: Proposal) -> str:
-    """The text of the effect file, with what was measured."""
+    """The text of the effect file, with the results of the critique."""
     found = [
         f"Found: {one.term.name}: {sized({'parameters': {'a': proposal.fitted.content(f'{one.term.name}.a')}})}, "
         f"p = {one.step.p_value:.2g} among {proposal.tried} terms."
@@ -132,14 +132,14 @@ def text_of(proposal: Proposal) -> str:
 
 
 def proposal_path(folder: str | Path) -> Path:
-    """The file beside the folder of a critique, or further up: out of a folder with data no code is loaded."""
+    """The effect file beside the folder of a critique, or further up, because no code is loaded from data folders."""
     folder = Path(folder).resolve()
     outside = next(place for place in (folder, *folder.parents) if not any(map(holds_data, place.parents)))
     return outside.with_name(f"{folder.name}_proposal.py")
 
 
 def write_source(proposal: Proposal, path: Path) -> Path:
-    """Write the effect file; a file with other text may hold a user's edits: it stays, and another name is taken."""
+    """Write the effect file; a file with other text, perhaps a user's edits, stays, and another name is taken."""
     text = text_of(proposal)
     for i in range(1, MOST_NAMES):
         free = path if i == 1 else path.with_name(f"{path.stem}_{i}.py")

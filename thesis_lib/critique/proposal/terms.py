@@ -1,14 +1,14 @@
-"""The terms that may be proposed: products of dimensionless variables of a contact, and what they may change.
+"""The terms that may be proposed: products of dimensionless variables of a contact, and the quantities they change.
 
 A term is a target with one or two factors φ.  With a the only parameter, a pure number,
 
     epsilon     ε ← clip(ε (1 + a φ), 0, 1)          mu         μ ← max(μ (1 + a φ), 0)
     direction   dc_t = a φ dp beside friction        couple     dτ = a φ k dp
 
-so that units hold whatever is multiplied.  ε is that of the state before the impact.  The other three act along the
-path of the impact, p being the normal impulse: v_t and ω in their φ are those of the moment
+so units are right for every product.  ε depends on the state before the impact.  The other three act along the path of
+the impact, p being the normal impulse: v_t and ω in their φ are those of the moment
 (`thesis_lib/effects/driven_path.py`).  Factors are even or odd under a mirror that exchanges left and right, and
-products of two are taken only where the law then holds in a mirror, too: even for ε and μ, odd for the other two.
+products of two are used only if the law then holds in a mirror, too: even for ε and μ, odd for the other two.
 
 | on paper  | in code | unit | shape | meaning                                                                |
 |-----------|---------|------|-------|------------------------------------------------------------------------|
@@ -20,9 +20,9 @@ products of two are taken only where the law then holds in a mirror, too: even f
 | i         | `trial` | 1    | (n,)  | number of the release, from that of the reference                      |
 | v_0       | 1 m/s   |      |       | fixed scale, as of the library's own effects of speed                  |
 
-Why these, and not powers without end: they are what a contact of a planar body has before an impact; the sparse
-regression of physical laws from a library of products is that of Brunton, Proctor and Kutz 2016
-(doi:10.1073/pnas.1517384113), and that dimensionless groups keep it small that of Bakarji et al. 2022
+These variables, rather than arbitrary powers, describe a contact of a planar body before an impact.  The sparse
+regression of physical laws from a library of products follows Brunton, Proctor and Kutz 2016
+(doi:10.1073/pnas.1517384113); dimensionless groups keep the library small, as in Bakarji et al. 2022
 (doi:10.1038/s43588-022-00355-5).
 """
 
@@ -32,7 +32,7 @@ from itertools import combinations
 from typing import Literal
 
 Target = Literal["epsilon", "mu", "direction", "couple"]
-EVEN: tuple[Target, ...] = ("epsilon", "mu")  # what is the same in a mirror; the others change their sign
+EVEN: tuple[Target, ...] = ("epsilon", "mu")  # the same in a mirror; the others change their sign
 TARGETS: dict[Target, str] = {
     "epsilon": "restitution",
     "mu": "friction",
@@ -41,7 +41,7 @@ TARGETS: dict[Target, str] = {
 }
 
 
-OF_SPIN = frozenset({"v_t", "v", "omega", "beta", "r_x"})  # variables that nobody knows without the angle
+OF_SPIN = frozenset({"v_t", "v", "omega", "beta", "r_x"})  # variables that are unknown without the angle
 
 
 @dataclass(frozen=True)
@@ -50,10 +50,10 @@ class Factor:
 
     Attributes:
         name: in names of effects; symbol: in equations; words: in sentences.
-        code: the same in Python, of the variables in the module's table.
+        code: in Python, with the variables in the module's table.
         odd: whether it changes its sign in a mirror.
-        group: what it is about; a product has factors of two groups.
-        single: whether it stands alone only.
+        group: subject of the factor; a product has factors of two groups.
+        single: whether it is never part of a product.
     """
 
     name: str
@@ -147,7 +147,7 @@ class Term:
 
     @property
     def breaks_mirror(self) -> bool:
-        """Whether it tells left from right."""
+        """Whether it distinguishes left from right."""
         odd = sum(factor.odd for factor in self.factors) % 2 == 1
         return odd == (self.target in EVEN)
 
@@ -155,8 +155,8 @@ class Term:
 def testable_terms(has_angle: bool) -> list[Term]:
     """The terms that drops can test.
 
-    Where the angle is not measured, an unknown spin does what a sideways impulse or a couple would do, and takes up
-    whatever else depends on it.
+    If the angle is not measured, the unknown spin acts like a sideways impulse or a couple, and can explain any other
+    error that depends on it.
     """
     terms = all_terms()
     if has_angle:

@@ -1,8 +1,8 @@
-"""The effects that came first when one was asked for, and the model with each choice of those found and their rival.
+"""Best candidate effects of a search, and models with each combination of the effects found and their rival.
 
-Candidates are the first in the order of the quick fits from which the search chose (`Shortlist`), each alone with the
-law that suits it.  Held-out data only show here what each of them gains; they choose none.  `why` says what speaks for
-those that were found, and against the others.  Choices are what a reader can switch.
+Candidates are the best effects by the quick fits from which the search chose (`Shortlist`), each alone with the law
+that suits it.  Held-out data show the gain of each candidate but choose none.  `why` gives the reason for an effect
+that was found, and against any other.  Choices are the combinations of effects that a reader can switch on and off.
 """
 
 from collections.abc import Sequence
@@ -23,13 +23,13 @@ from thesis_lib.statistics.intervals import clustered_mean
 from thesis_lib.statistics.wording import listed
 
 FOUND, ALIKE, REJECTED, OTHER = "found", "cannot be told from it", "rejected", "not needed"
-MOST = 3  # effects that can be switched, for each choice is a fit
+MOST = 3  # effects that can be switched, because each choice costs a fit
 NOTHING = "no effect"
 COLUMNS = ("effect", "gain", "gain_low", "gain_high", "standing", "why")
 
 
 def candidates(critique: DropsCritique) -> pd.DataFrame:
-    """A row for each of the first candidates, the largest gain first; none where the search had no choice.
+    """Table of the best candidates, largest gain first; empty if the search had no choice.
 
     Columns: effect, gain, gain_low, gain_high (held-out log score per impact over the law that fits the training trials
     best, nats, with the 95 % interval), standing (`FOUND`, `ALIKE`, `REJECTED` or `OTHER`), why.
@@ -72,7 +72,7 @@ def _standing(
         return OTHER, f"too little is left for it with {listed([effect_title(s.effect.name) for s in discovery.steps])}"
     if gain_low > gain_by_chance(critique):
         return OTHER, "predicts better, but raises another error on the training trials"
-    return OTHER, "gains no more than the best of all does by chance"
+    return OTHER, "gains no more than the best candidate does by chance"
 
 
 def gain_by_chance(critique: DropsCritique) -> float:
@@ -87,7 +87,7 @@ def _errors(channels: Sequence[str]) -> str:
 
 @dataclass(frozen=True)
 class Choice:
-    """A model with the named effects of those that can be switched, and its held-out judgement."""
+    """A model with some of the effects that can be switched, and its held-out judgement."""
 
     effects: tuple[str, ...]
     fitted: Fit
@@ -95,11 +95,11 @@ class Choice:
 
 
 def choices(critique: DropsCritique, candidates: pd.DataFrame) -> list[Choice]:
-    """All choices, with few effects first; none where no effect was found, or more than `MOST` were.
+    """All choices, with few effects first; none if no effect or more than `MOST` were found.
 
-    Those that are rungs of the ladder are taken from it.  The others are fitted to the training trials, from where the
-    final model stands; all are judged on the held-out ones.  Without any of the effects found the law is the base law,
-    with one of them that of the final model.  `candidates`: the table of the function of this name.
+    Models of the ladder are reused.  The others are fitted to the training trials, starting from the final model; all
+    are judged on the held-out trials.  A choice without any of the effects found has the base law, the others have the
+    law of the final model.  `candidates`: the table of the function of this name.
     """
     found = [step.effect for step in critique.discovery.steps]
     if not 0 < len(found) <= MOST:
@@ -119,7 +119,7 @@ def choices(critique: DropsCritique, candidates: pd.DataFrame) -> list[Choice]:
 
 
 def choices_table(made: list[Choice]) -> pd.DataFrame:
-    """A row for each choice: effects (joined by +, or `NOTHING`), law, held-out error with its 95 % interval in m/s."""
+    """Table of choices: effects (joined by +, or `NOTHING`), law, held-out error with its 95 % interval in m/s."""
     rows = [
         (" + ".join(one.effects) or NOTHING, one.fitted.base, *clustered_mean(one.judged.error, one.judged.trial))
         for one in made

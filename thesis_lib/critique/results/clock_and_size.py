@@ -1,16 +1,16 @@
-"""Causes that flights and impacts cannot show as such: a clock or a scale that is off, and a size that k came from.
+"""Other causes of a fitted gravity or size: a wrong clock or length scale, and a wrong size from which k was computed.
 
-*Clock and scale.*  Frames taken at the rate f but counted at the rate f_b have the times t f/f_b, so that accelerations
-look larger by (f_b/f)², and all lengths too large by a factor 1 + s make them larger by 1 + s.  Free fall is known
-wherever it is filmed, so another g gives both,
+*Clock and scale.*  Frames taken at the rate f but counted at the rate f_b have the times t f/f_b, so accelerations
+look larger by (f_b/f)²; lengths too large by a factor 1 + s make accelerations larger by 1 + s.  Free fall is known
+everywhere on Earth, so a different g gives either error,
 
-    f/f_b = √(g/g'),   1 + s = g'/g,    g' the gravity that the flights show, g that of the place.
+    f/f_b = √(g/g'),   1 + s = g'/g,    g' the gravity that the flights show, g the gravity of the place.
 
-Impacts know neither time nor length: with the size and the radius of gyration of the body in the same wrong unit every
-impact law predicts the same.
+Impacts do not depend on the units of time and length: if the size and the radius of gyration of the body have the same
+wrong unit, every impact law predicts the same.
 
-*Size.*  `datasets init` computes the radius of gyration from the shape where nobody gives one.  A body larger by 1 + s
-then has k larger by 1 + s too: 1 + d_I = (1 + s)².
+*Size.*  `datasets init` computes the radius of gyration from the shape if none is given.  A body larger by a factor
+1 + s then has k larger by 1 + s, too: 1 + d_I = (1 + s)².
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -30,7 +30,7 @@ DERIVED = 1e-6  # relative: `datasets init` writes at least six digits
 
 
 def could_be(name: str, effects: Sequence[Mapping], header: Header | SpaceHeader | None) -> dict | None:
-    """Other meanings of the effect `name`, for diagnosis.json; None if none is known.
+    """Other possible causes of the effect `name`, for diagnosis.json; None if none is known.
 
     `effects` are those of diagnosis.json: name, parameters.
     """
@@ -51,7 +51,7 @@ def _clock_and_scale(dg: Mapping, gravity: float, believed: float | None) -> dic
     if low - SEEN * dg["std"] <= fitted <= high + SEEN * dg["std"]:
         return None
     there = float(np.clip(gravity, low, high))
-    clock = float(np.sqrt(there / fitted))  # counted seconds to a true one
+    clock = float(np.sqrt(there / fitted))  # counted seconds per true second
     rate = None if believed is None else believed * clock
     causes = ["clock", "scale", *["buoyancy"] * (fitted < there)]
     found = {"gravity": fitted, "clock": clock - 1.0, "rate": rate, "believed_rate": believed}
@@ -73,7 +73,7 @@ def _size(parameters: Mapping[str, Mapping], body: Body) -> dict | None:
 
 
 def said(effects: Sequence[Mapping]) -> Iterator[str]:
-    """Sentences on what else effects of diagnosis.json may mean."""
+    """Sentences on other possible causes of effects of diagnosis.json."""
     for effect in effects:
         if (other := effect.get("could_be")) is not None:
             yield (_clock_said if effect["name"] == "wrong_gravity" else _size_said)(other)
@@ -86,11 +86,11 @@ def _clock_said(other: Mapping) -> str:
     if other["rate"] is not None:
         change = f"{percent(abs(other['clock']))} {'fewer' if slow else 'more'}"
         clock = f"frames taken at {other['rate']:.4g} Hz rather than {other['believed_rate']:.4g} ({change})"
-    causes = "the clock or the scale" if large else "the clock, the scale or, of a light body, buoyancy"
+    causes = "the clock or the scale" if large else "the clock, the scale or, for a light body, buoyancy"
     return (
-        f"Free fall is {low} to {high} m/s² everywhere on Earth, so {number(other['gravity'], 4)} m/s² means {causes}: "
-        f"{clock}, or all lengths {percent(abs(other['scale']))} too {'large' if large else 'small'}, those of the "
-        "body too, would look the same."
+        f"Free fall is {low} to {high} m/s² everywhere on Earth, so {number(other['gravity'], 4)} m/s² points to "
+        f"{causes}: {clock}, or all lengths {percent(abs(other['scale']))} too {'large' if large else 'small'}, "
+        "including those of the body, would look the same."
     )
 
 
@@ -101,6 +101,6 @@ def _size_said(other: Mapping) -> str:
         again = f"the lengths of --shape times {number(other['size'], 4)}"
     one = "; wrong size and wrong inertia are this one cause" if other["explains"] else ""
     return (
-        f"The body is {percent(abs(off))} {'larger' if off > 0.0 else 'smaller'} than its shape, and its radius of "
-        f"gyration was computed from it, so that is off by as much{one}: run datasets init again with {again}."
+        f"The body is {percent(abs(off))} {'larger' if off > 0.0 else 'smaller'} than its stated shape, from which its "
+        f"radius of gyration was computed, so this is off by as much{one}: run datasets init again with {again}."
     )

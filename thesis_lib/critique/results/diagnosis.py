@@ -1,45 +1,45 @@
-"""diagnosis.json: the verdict, missing effects, what cannot be told, and what to measure next.
+"""Content of diagnosis.json: the verdict, missing effects, what the data leave open, and what to measure next.
 
 `diagnosis` lists all keys; these need an explanation (see also detectable.py, next_experiment.py):
 
 | where           | key                 | meaning                                                                     |
 |-----------------|---------------------|-----------------------------------------------------------------------------|
-|                 | verdict             | null where impacts are too few (`few_impacts` beside this file)             |
+|                 | verdict             | null if there are too few impacts (`few_diagnosis` in findings.py)          |
 |                 | augmented_model     | law and (μ, ε) with effects; the law may differ from that of base_model     |
-|                 | headline            | sentences of the summary down to the verdict                                |
+|                 | headline            | sentences of the summary on verdict and data alone                          |
 |                 | parameters          | a bound: std null, `bound` lower or upper, `used` in predictions, `range`   |
 |                 | laws                | each law without effects: parameters, held-out error and its 95 % interval  |
-| reference       | x, t, trial         | m, s, number of a release: effects count from there, and mu, epsilon and    |
-|                 |                     | tau are those there; middle of the training impacts, in the dataset's own   |
+|                 | additions           | effects and laws from outside the library, used or not, with their origin   |
+|                 | remarks             | motion of the body that no impact law describes; absent if none             |
+| reference       | x, t, trial         | m, s, number of a release: origin of the effects, to which mu, epsilon and  |
+|                 |                     | tau refer; middle of the training impacts in coordinates of the dataset     |
 | effects         | clears              | whether it passes the thresholds; an effect switched on by hand may fail    |
 |                 | fails               | null, or the test it fails: chance, immaterial, spoils (another error)      |
 |                 | material_in         | channels whose held-out misfit it lowers materially                         |
 |                 | stand_in            | null, or why it cannot be the cause: see `drops/stand_ins.py`               |
-|                 | unseen              | directions among its parameters that nothing here shows; absent if none     |
-|                 | could_be            | null, or `causes` beside it: for gravity the error of `clock` and `scale`   |
+|                 | unseen              | directions of its parameters that these data cannot show; absent if none    |
+|                 | could_be            | null, or other `causes`: for gravity the error of `clock` and `scale`       |
 |                 |                     | (relative) and the true `rate` in Hz; for a size from which k was computed, |
-|                 |                     | `size` (true over believed), `radius` in m, effects that it `explains` too  |
-|                 | additions           | effects and laws that are not the library's, used or not, with their origin |
-| rejected        |                     | effects found on training trials that lower no held-out error, or raise one |
-|                 |                     | has its two ends by channel                                                 |
+|                 |                     | `size` (true over assumed), `radius` in m, effects that it `explains` too   |
+| rejected        | rises               | of an effect that the held-out trials reject: errors that it raises, by     |
+|                 |                     | channel, with their two `ends`, without and with the effect                 |
 | search          | limit, value        | null, or the setting at which the search ended although more may be found   |
 | error           | noise_floor_single  | noise floor of the single hits alone                                        |
-|                 | <which>_interval    | 95 % of `base` and `augmented`, bootstrap over trials, as in ladder.csv     |
+|                 | <which>_interval    | 95 % of `base` and `augmented`, by bootstrap over trials, as in ladder.csv  |
 |                 | irb_bound_augmented | with geometry, inertia and camera of the effects                            |
-|                 | meet, touch         | as `flight`: misfit of poses and of the gap at impact                       |
-|                 | by_contact          | in space: of corners, edges and faces; `dimensions` is 3 then               |
-|                 | worst               | largest errors, if they and not the median lift the mean above the floor    |
-| left_out        | flights             | `bent`, how many of all `n` flights are not parabolas: they have no say     |
-| remaining       | channels            | those with a misfit far above noise                                         |
-|                 | significant         | whether something can be learned of it, be it too little to matter          |
-|                 | depends_on          | states from which a part of it can be learned; empty if none can            |
-|                 | restitution         | null, or range of ε where it alone differs by trial or impact, by nothing   |
-|                 |                     | that is recorded                                                            |
-|                 | energy_gain         | median relative gain of energy at impacts, 0 unless most gain               |
+|                 | meet, touch         | misfit of poses and of the gap at impact, in the same form as `flight`      |
+|                 | by_contact          | in space: errors at corners, edges and faces; `dimensions` is 3 then        |
+|                 | worst               | largest errors, if these and not the median raise the mean above the floor  |
+| left_out        | flights             | number `bent` of all `n` flights that are not parabolas and are not used    |
+| remaining       | channels            | channels with a misfit far above noise                                      |
+|                 | significant         | whether part of it can be learned, even if that is too small to matter      |
+|                 | depends_on          | states from which a part of it can be learned; empty if there is none       |
+|                 | restitution         | null, or range of ε if it alone differs between trials or impacts, and      |
+|                 |                     | depends on nothing that is recorded                                         |
+|                 | energy_gain         | median relative gain of energy at impacts, 0 unless most impacts gain       |
 |                 | stays_down          | null, or hits that stay down: `thesis_lib/datasets/impacts/stays_down.py`   |
-|                 | elsewhere           | null, or hits on something that is not the surface: `trials` of all `of`,   |
+|                 | elsewhere           | null, or hits on an object other than the surface: `trials` of all `of`,    |
 |                 |                     | number of `hits`, `first` ones: thesis_lib/critique/drops/elsewhere.py      |
-|                 | remarks             | what the body does that no impact law does, absent if nothing               |
 """
 
 from dataclasses import asdict
@@ -72,7 +72,7 @@ WORST = 5  # impacts that are listed if single ones dominate the mean
 def diagnosis(critique: DropsCritique, rng: np.random.Generator, rungs: pd.DataFrame | None = None) -> dict:
     """Content of diagnosis.json, rounded to six digits.
 
-    `rng` draws intervals and trial states; `rungs` is the table of the ladder, None: made here.
+    `rng` draws intervals and trial states; `rungs`: table of the ladder, computed here if None.
     """
     discovery, remaining = critique.discovery, critique.remaining
     base, final, found = critique.ladder[0][1], critique.ladder[-1][1], critique.observations.found
@@ -127,7 +127,7 @@ def diagnosis(critique: DropsCritique, rng: np.random.Generator, rungs: pd.DataF
     rungs = ladder(critique, rng) if rungs is None else rungs
     for key, row in (("base_interval", rungs.iloc[0]), ("augmented_interval", rungs.iloc[-1])):
         content["error"][key] = [float(row["error_low"]), float(row["error_high"])]
-    seed = int(rng.integers(2**63))  # a stream a law: a further law changes no other interval
+    seed = int(rng.integers(2**63))  # one stream per law: a further law changes no other interval
     content["laws"] = {name: _law(critique, name, generator(seed, name)) for name in critique.laws}
     # the base law's error has one interval, that of the ladder
     content["laws"][discovery.base]["interval"] = content["error"]["base_interval"]
@@ -139,7 +139,7 @@ def diagnosis(critique: DropsCritique, rng: np.random.Generator, rungs: pd.DataF
 
 
 def parameters(fitted: Fit, of: str = "") -> dict[str, dict]:
-    """Parameters of an effect (`of`: its name and a dot) by short name; without one, those of the law."""
+    """Parameters by short name: of the effect `of` (its name and a dot) or, without one, of the law."""
     return {
         name.removeprefix(of): fitted.content(name)
         for name in fitted.model.parameters
@@ -148,7 +148,7 @@ def parameters(fitted: Fit, of: str = "") -> dict[str, dict]:
 
 
 def _law(critique: DropsCritique, name: str, rng: np.random.Generator) -> dict:
-    """One law without effects: what two runs that chose different laws can be compared by."""
+    """Results of one law without effects, to compare runs that chose different laws."""
     fitted = critique.discovery.bases[name]
     judged = critique.laws[name]
     return {
@@ -210,9 +210,9 @@ def _error(critique: DropsCritique) -> dict:
 def by_contact(critique: DropsCritique) -> dict:
     """Held-out errors of hits at corners, edges and faces of a hull in space, m/s; {} of a smooth body.
 
-    The kinds are those of the believed sharp hull (`bodies.solids.contact_kind`); a hit counts from `HARD` on.
-    `used_share` is that of all such hits, singly or in episodes, n the number of held-out hits used: one in an episode
-    has the error of its episode.
+    The kinds are those of the assumed sharp hull (`bodies.solids.contact_kind`); hits up to `HARD` do not count.
+    `used_share` is the share of all these hits that is used, singly or in episodes, and n the number of held-out hits
+    used.  A hit in an episode has the error of its episode.
     """
     (_, _, before), (_, fitted, after) = critique.ladder[0], critique.ladder[-1]
     o, held_out = critique.observations, critique.held_out
@@ -230,7 +230,7 @@ def by_contact(critique: DropsCritique) -> dict:
 
 
 def _worst(critique: DropsCritique) -> list[dict]:
-    """Held-out impacts of largest error, if they lift the mean far above the floor and the median is not there."""
+    """Held-out impacts with the largest errors, if these raise the mean, but not the median, far above the floor."""
     judged, limit = critique.ladder[-1][2], critique.settings.excess_scatter
     # a comparison with an unknown floor is false
     if not (judged.error.mean() > limit * judged.floor and judged.excess <= limit):
@@ -242,10 +242,10 @@ def _worst(critique: DropsCritique) -> list[dict]:
 
 
 def left_out(observations: Observations) -> dict:
-    """Share and reasons of the detected impacts that are not used, and the number of flights without a say."""
+    """Share and reasons of the detected impacts that are not used, and the number of flights that are not."""
     table = left_out_impacts(observations)
     reasons = {str(k): int(v) for k, v in sorted(table["reason"].value_counts().items())}
-    # what hit no wall says nothing about the impacts that did
+    # hits away from the walls do not count: they concern no impact at a wall
     missing = len(table) - sum(reasons.get(reason, 0) for reason in AWAY)
     total = missing + len(observations)
     bent = len(observations.flights.bent)

@@ -1,4 +1,4 @@
-"""Sentences on single effects of diagnosis.json: what they are taken for, and what speaks against them."""
+"""Sentences on single effects of diagnosis.json: their names and sizes, and objections to them."""
 
 import math
 from collections.abc import Mapping
@@ -10,18 +10,18 @@ from thesis_lib.effects.effect import parameters_in
 from thesis_lib.mechanics.space import SPACE
 from thesis_lib.statistics.wording import bounded, ends, estimate, formatted, listed, number
 
-READ_IN = {"m": (" mm", 1e3), "s": (" ms", 1e3), "rad": ("°", 180.0 / math.pi)}  # what people measure of a small one
-SMALL = 0.1  # of the SI unit
-MOST_SIZES = 3  # in a sentence; all of them stand in the table
+READ_IN = {"m": (" mm", 1e3), "s": (" ms", 1e3), "rad": ("°", 180.0 / math.pi)}  # units of small values
+SMALL = 0.1  # in the SI unit
+MOST_SIZES = 3  # in a sentence; the table has all of them
 
 
 def effects_found(content: Mapping, clears: bool = True) -> list[Mapping]:
-    """Effects that pass all tests, or those switched on by hand that do not."""
+    """Effects that pass all tests or, without `clears`, those switched on by hand that fail one."""
     return [effect for effect in content["effects"] if effect["clears"] == clears]
 
 
 def is_fault(effect: Mapping) -> bool:
-    """Whether it is one of the measurement."""
+    """Whether an effect is a fault of the measurement."""
     return effect["family"] == "measurement"
 
 
@@ -37,9 +37,9 @@ def _ends(effect: Mapping) -> list[str]:
 
 
 def sizes(effect: Mapping) -> str:
-    """c_x = 0.498 (0.491 to 0.505) mm: the parameters that differ from those of no effect, with 95 % intervals.
+    """Parameters that differ from their null values, with 95 % intervals: c_x = 0.498 (0.491 to 0.505) mm.
 
-    "" if none has a size of its own, as a bound, a place or a choice.  Of many the most certain ones.
+    The `MOST_SIZES` most certain ones; bounds, places and choices are not sizes.  "" if there is none.
     """
     of = EFFECTS[effect["name"]]
     declared = (*of.parameters, *parameters_in(of, SPACE))
@@ -63,12 +63,12 @@ def sizes(effect: Mapping) -> str:
 
 
 def speed(value: float) -> str:
-    """A speed in words."""
+    """Text of a speed in m/s, with its unit."""
     return f"{value:.3g} m/s"
 
 
 def at_its_end(effect: Mapping) -> str:
-    """Sentence on an effect that would grow beyond the values that are believed possible."""
+    """Sentence on an effect with a parameter at a limit of its plausible range."""
     ends = listed([f"{name} {bounded(effect['parameters'][name])}" for name in _ends(effect)])
     return (
         f"“{EFFECTS[effect['name']].title}” is at an end of its range ({ends}), so it may stand in for another cause."
@@ -76,17 +76,17 @@ def at_its_end(effect: Mapping) -> str:
 
 
 def unseen(effect: Mapping) -> str:
-    """Sentence on parameters that nothing here can show; "" if all of them can be seen."""
+    """Sentence on parameters that these data cannot determine; "" if there are none."""
     said = []
     for direction in effect.get("unseen", ()):
         terms = [(formatted(part, "+.2f"), name) for name, part in zip(effect["parameters"], direction)]
         seen = [(part, name) for part, name in terms if part.strip("+0.")]
         said.append(seen[0][1] if len(seen) == 1 else " ".join(" ".join(term) for term in seen).removeprefix("+"))
-    return f"Nothing here can show {listed(said)}, which is held at 0." if said else ""
+    return f"These data cannot determine {listed(said)}, which is held at 0." if said else ""
 
 
 def rejected(effect: Mapping) -> str:
-    """Why an effect that was found on the training trials is left out, as a sentence."""
+    """Sentence on why an effect found on the training trials is left out."""
     rises = [
         f"{CHANNELS[name].short} from {number(one['ends'][0])} to {number(one['ends'][1])} "
         + ("m/s" if one["unit"] == "m/s" else "standard deviations of noise")
@@ -98,12 +98,12 @@ def rejected(effect: Mapping) -> str:
 
 
 def stands_in(effect: Mapping) -> str:
-    """The reason why an effect is not a cause, as a sentence."""
+    """Sentence on why an effect is not the cause."""
     why, title = effect["stand_in"], EFFECTS[effect["name"]].title
     said = f"“{title}” stands in for something else: it contradicts the stated {why['denies']} by "
     said += f"{why['standard_errors']:.2g} standard errors"
     if not why["instead"]:
-        return f"{said}, so its cause has no name here."
+        return f"{said}, so the cause is not among the effects found here."
     names = alternatives_listed([EFFECTS[name].title for name in why["instead"]])
     return f"{said}; these data cannot tell it from “{names}”, which contradicts nothing that is stated."
 
@@ -135,7 +135,7 @@ def faults(content: Mapping) -> list[str]:
 
 
 def switched_on(content: Mapping) -> list[str]:
-    """Effects that were switched on by hand, which the data do not ask for."""
+    """Sentence on effects that were switched on by hand but fail a test."""
     if not (by_hand := effects_found(content, clears=False)):
         return []
     names = listed([EFFECTS[e["name"]].title for e in by_hand])
@@ -149,23 +149,23 @@ def switched_on(content: Mapping) -> list[str]:
 
 
 def why_not(effect: Mapping, it: str = "it") -> str:
-    """Why an effect that was switched on by hand is not among those that were found."""
+    """Reason why an effect that was switched on by hand is not among the effects found."""
     return {
-        "chance": f"these data do not ask for {it}",
-        "immaterial": f"{it} can be seen, but no error falls by an amount that matters",
+        "chance": f"these data do not support {it}",
+        "immaterial": f"{it} can be detected, but no error falls by an amount that matters",
         "spoils": f"with {it} another error rises by an amount that matters",
     }[effect.get("fails") or "chance"]
 
 
 def sized(effects: list[Mapping]) -> str:
-    """Their names, each with its size."""
+    """Names of effects, each with its size."""
     return listed([f"{named(e)}{size and f', {size}'}" for e in effects for size in [sizes(e)]])
 
 
 def what_to_do(effects: list[Mapping]) -> str:
-    """Sentence on what a reader does about effects that have a name."""
+    """Sentence on what to do about the effects found."""
     wrong = list(dict.fromkeys(EFFECTS[e["name"]].denies for e in effects))
-    # of drops in the plane dataset.yaml has the poses of the centre of mass, and no other place for it
+    # in the plane, poses are those of the centre of mass, and dataset.yaml has no key for its displacement
     nowhere = any(e["name"] == "com_offset" and "c_z" not in e["parameters"] for e in effects)
     if all(wrong) and wrong:
         written = [what for what in wrong if not nowhere or what != EFFECTS["com_offset"].denies]
@@ -177,7 +177,7 @@ def what_to_do(effects: list[Mapping]) -> str:
 
 
 def named(effect: Mapping) -> str:
-    """Its title, with what else it may be."""
+    """Title of an effect, with the other effects that it may be instead."""
     of = EFFECTS[effect["name"]]
     found, declared = effect["parameters"], (*of.parameters, *of.own_in_space)
     chosen = [p.said(found[p.name]["value"]) for p in declared if p.words and p.name in found]

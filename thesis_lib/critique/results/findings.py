@@ -1,9 +1,9 @@
-"""Findings of a critique as data, computed once: its folder, its page and its pictures are made of them.
+"""Findings of a critique as data, computed once; folder, page and figures are made from them.
 
-Of impacts that are too few for a verdict, diagnosis.json says restitution, friction, and what a verdict needs.  It has
-the keys of every diagnosis (`diagnosis`), with `verdict` null, no effects and errors null, and `restitution` with
-value, std, unit and the number of impacts; std is null where nothing shows it.  In space, `reason` says why there is no
-verdict, and `recording` what flights and rests show by themselves.
+If impacts are too few for a verdict, diagnosis.json gives restitution, friction, and the data that a verdict needs.  It
+has the keys of every diagnosis (`diagnosis`), with null for verdict and errors and no effects, and `restitution` with
+value, std, unit and the number of impacts; std is null if unknown.  In space, `reason` states why there is no verdict,
+and `recording` contains sentences on flights and rests alone.
 """
 
 import json
@@ -39,7 +39,7 @@ ERRORS = ("base", "augmented", "irb_bound", "irb_bound_augmented", "noise_floor"
 
 
 def few_diagnosis(few: FewImpacts) -> dict:
-    """Content of diagnosis.json, rounded to six digits."""
+    """Content of diagnosis.json for too few impacts, rounded to six digits."""
     o, (value, std) = few.observations, few.restitution
     n, m = len(o), len(np.unique(o.trial))
     model = {"name": LAW, "parameters": few_parameters(few)}
@@ -49,10 +49,10 @@ def few_diagnosis(few: FewImpacts) -> dict:
         why = f"too slow for a verdict ({n} usable impacts in {m} {'trial' if m == 1 else 'trials'}). {slow[:-1]}"
     needed = _what_is_needed(n, m)
     if slow:
-        needed = "For a verdict on the contact model record at 100 Hz or more."
+        needed = "For a verdict on the contact model, record at 100 Hz or more."
     elif are_enough(n, m):
         why = f"too few impacts: only {len(o.single)} of {n} stand alone, and models are judged by those"
-        needed = "For a verdict on the contact model record at a higher rate and without a filter, as hits follow soon."
+        needed = "For a verdict on the contact model, record at a higher rate and unfiltered: hits follow quickly."
     shown = [] if o.space.is_plane else _recording(few)
     nothing: dict = dict.fromkeys((*ERRORS, "explained_share", *ALWAYS))
     ends = {f"{name}_interval": [None, None] for name in ("base", "augmented")}
@@ -96,14 +96,14 @@ def _recording(few: FewImpacts) -> list[str]:
     facts, said = motion_facts(source.trajectories, source.in_space), []
     if facts.fall is not None:
         size = with_error(float(np.linalg.norm(facts.fall)), facts.fall_error)
-        said.append(f"{facts.flights} free flights fall by {size} m/s², where {source.gravity:.4g} is believed.")
+        said.append(f"{facts.flights} free flights fall by {size} m/s², and {source.gravity:.4g} is stated as gravity.")
     if told := tracked_frame_told(source, compare=True):
         said.append(f"{told[0].upper()}{told[1:]}.")
     return said
 
 
 def few_parameters(few: FewImpacts) -> dict[str, dict]:
-    """Parameters of the law, with restitution and standard error from all impacts; empty without an impact."""
+    """Parameters of the law, with restitution and its standard error from all impacts; empty without impacts."""
     if not few.laws:
         return {}
     value, std = few.restitution
@@ -120,12 +120,12 @@ def _summary(content: Mapping, why: str) -> list[str]:
     if not found:
         return [first, *last]
     epsilon, mu = found["epsilon"], found["mu"]
-    scatter = "standard error, which counts how far trials differ"
+    scatter = "standard error, including the scatter of trials"
     if epsilon.get("bound"):
         restitution = f"Restitution is {bounded(epsilon)}"
     elif np.isfinite(of["std"]):
         trials = content["n_trials"]
-        scatter = scatter if trials > 1 else "standard error; one trial does not show how far trials differ"
+        scatter = scatter if trials > 1 else "standard error without scatter of trials, as there is only one"
         restitution = f"Restitution {with_error(of['value'], of['std'])} ({scatter})"
     else:
         restitution = f"Restitution {of['value']:.3g}, from one impact whose noise is not stated"
@@ -140,22 +140,22 @@ def _summary(content: Mapping, why: str) -> list[str]:
 
 
 def with_error(value: float, std: float) -> str:
-    """value ± standard error, to two digits of that, and no more than `PLACES`."""
+    """Text “value ± standard error”, to two digits of the error and at most `PLACES` decimals."""
     places = int(np.clip(1 - np.floor(np.log10(std)), 0, PLACES)) if std > 0.0 else PLACES
     return f"{value:.{places}f} ± {max(std, 10.0**-PLACES):.{places}f}"
 
 
 def _what_is_needed(n: int, m: int) -> str:
-    """How many more trials give enough for a verdict."""
+    """Sentence on how many more trials a verdict needs."""
     if not n:
         return (
-            f"For a verdict on the contact model record trials with impacts: {MIN_IMPACTS} in {MIN_TRIALS} are needed."
+            f"For a verdict on the contact model, record trials with impacts: {MIN_IMPACTS} in {MIN_TRIALS} are needed."
         )
     trials = max(MIN_TRIALS, int(np.ceil(MIN_IMPACTS * m / n))) - m
     each = f"{n / m:.2g} usable impact{'' if n == m else 's'}"
     return (
-        f"For a verdict on the contact model record about {trials} more trials like these, with {each} in each; for "
-        "restitution alone these are enough."
+        f"For a verdict on the contact model, record about {trials} more trials like these, with {each} in each; for "
+        "restitution alone, these are enough."
     )
 
 
@@ -163,10 +163,10 @@ def _what_is_needed(n: int, m: int) -> str:
 class Findings:
     """Attributes:
     diagnosis: content of diagnosis.json.
-    tables: by the name of their file.
-    regions: content of where.json, None where regions are not looked for.
-    model: content of model.json, None of a mechanism and of a mesh in space.
-    choices: the model with each choice of the effects that were found and of their closest rival.
+    tables: tables by file name.
+    regions: content of where.json; None if regions are not searched for.
+    model: content of model.json; None for a mechanism and, in space, without the dataset.
+    choices: models with each combination of the effects found and their closest rival.
     """
 
     diagnosis: dict
@@ -177,7 +177,7 @@ class Findings:
 
 
 def findings(critique: DropsCritique, rng: np.random.Generator, models: pd.DataFrame | None = None) -> Findings:
-    """All of a critique of drops; `models`: the table of `compare_models`, where models were compared.
+    """All findings of a critique of drops; `models`: the table of `compare_models`, if models were compared.
 
     `rng` draws regions, intervals and trial states: equal streams give equal numbers.
     """
@@ -196,7 +196,7 @@ def findings(critique: DropsCritique, rng: np.random.Generator, models: pd.DataF
 
 
 def few_findings(few: FewImpacts) -> Findings:
-    """Findings on impacts that are too few for a verdict."""
+    """Findings on too few impacts for a verdict."""
     model = None
     if few.laws:
         model = saved_of(few.fitted, few.observations.rig, few.dataset, few.source, few_parameters(few))
@@ -206,7 +206,7 @@ def few_findings(few: FewImpacts) -> Findings:
 def saved_of(
     fitted: Fit, rig: Rig, name: str, source: Dataset | None, parameters: Mapping[str, Mapping] | None = None
 ) -> SavedModel | None:
-    """Content of model.json; None of a body in space without what dataset.yaml says of it."""
+    """Content of model.json; None for a body in space without its dataset, `source`."""
     if rig.space.is_plane:
         return saved(fitted, rig, name, parameters)
     return None if source is None else saved_in_space(fitted, source.in_space, name, parameters)

@@ -1,4 +1,4 @@
-"""Reading model.json: what cannot be used is refused with the reason, whatever is in the file."""
+"""Reading of model.json: a file that cannot be used is refused with the reason, whatever it contains."""
 
 from pathlib import Path
 
@@ -26,20 +26,20 @@ def load_model(path: str | Path) -> SavedModel:
         )
     except MissingFile as error:
         raise UserError(
-            f"There is no model {path}. A critique writes model.json: python -m thesis_lib critique DATASET -o DIR"
+            f"There is no model {path}. A critique writes model.json: thesis-lib critique DATASET -o DIR"
         ) from error
     except ValidationError as error:
         lines = [f"{path} is not a model that this program wrote:"]
         for item in error.errors(include_url=False)[:20]:
             lines.append(f"  {'.'.join(map(str, item['loc']))[:200] or '(top level)'}: {item['msg']}")
-        raise UserError("\n".join([*lines, "Write it again with python -m thesis_lib critique."])) from error
+        raise UserError("\n".join([*lines, "Write it again with thesis-lib critique."])) from error
     if model.law not in BASES:
         remedy = _remedy(model, model.law) or f"known are {', '.join(BASES)}"
         raise UserError(f"{path}: there is no law {model.law[:60]!r}; {remedy}.")
     for name in model.effects:
         if name not in EFFECTS:
             remedy = _remedy(model, name) or (
-                "python -m thesis_lib effects lists them, and --effects FILE.py adds those of a file of yours"
+                "thesis-lib effects lists them, and --effects FILE.py adds those in your own file"
             )
             raise UserError(f"{path}: there is no effect {name[:60]!r}; {remedy}.")
     try:
@@ -65,7 +65,7 @@ def load_model(path: str | Path) -> SavedModel:
 
 
 def _remedy(model: SavedModel, name: str) -> str:
-    """Where a law or an effect came from that is not loaded, and how to load it; "" if the model does not say."""
+    """Origin of a law or an effect that is not loaded, and how to load it; "" if the model does not state it."""
     if (origin := model.origins.get(name)) is None:
         return ""
     return f"it came from {origin} and is not loaded: {origin.remedy}"

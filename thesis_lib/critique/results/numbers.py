@@ -1,4 +1,4 @@
-"""Numbers of a critique for plots and pages: errors of laws, parameters that moved, residuals of impacts.
+"""Numbers of a critique for plots and pages: errors of laws, parameters that changed, residuals of impacts.
 
 | on paper | in code | unit | shape | |
 |---|---|---|---|---|
@@ -49,7 +49,7 @@ def law_errors(critique: DropsCritique) -> tuple[pd.DataFrame, np.ndarray]:
 
 
 def gain_an_impact(judged: Judgement, base: Judgement) -> tuple[float, float, float]:
-    """Log score per impact in nats that a model gains over another one, with the 95 % interval over trials."""
+    """Gain in log score per impact over the model `base`, in nats, with the 95 % interval over trials."""
     trials, n = base.trials, len(base.score)
     difference = judged.by_trial(trials) - base.by_trial(trials)
     gain, m = float(difference.sum() / n), len(trials)
@@ -58,7 +58,7 @@ def gain_an_impact(judged: Judgement, base: Judgement) -> tuple[float, float, fl
 
 
 def compensations(critique: DropsCritique) -> pd.DataFrame:
-    """Change of each base parameter from the first to the last rung: columns parameter, before, after, sigmas.
+    """Change of each base parameter from the first to the last model: columns parameter, before, after, sigmas.
 
     `sigmas` is the change over the joint standard error.  Empty if the law changed: μ and ε of different laws differ.
     """
@@ -73,7 +73,7 @@ def compensations(critique: DropsCritique) -> pd.DataFrame:
 
 
 def compensated(critique: DropsCritique, material: bool = True) -> pd.DataFrame:
-    """The rows of `compensations` with a significant change that is material, or is not."""
+    """Rows of `compensations` with a significant change that is material or, if not `material`, immaterial."""
     table = compensations(critique)
     share = (table["after"] - table["before"]).abs() / table["before"].abs()
     return table[(table["sigmas"].abs() > MOVED) & ((share > MATERIAL) if material else (share <= MATERIAL))]
@@ -87,8 +87,8 @@ def impact_errors(fitted: Fit, observations: Observations) -> np.ndarray:
 def contact_residuals(fitted: Fit, observations: Observations) -> np.ndarray:
     """Error (n, 3) in m/s of the contact-frame velocity after impact, measured minus predicted.
 
-    Without an angle that of the centre, less what an unknown spin accounts for.  In space (n, 4): along the slip before
-    impact, across it, along the normal, and the length of the couple.
+    Without a measured angle, the error of the centre, less the part that the unknown spin explains.  In space (n, 4):
+    along the slip before impact, across it, along the normal, and the length of the couple.
     """
     here = fitted.on(observations)
     if not observations.space.is_plane:

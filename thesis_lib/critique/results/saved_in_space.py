@@ -1,7 +1,7 @@
 """A fitted model of a body in space as a file, and its predictions; all else as in the plane (`saved_model`).
 
-In place of the planar rig, model.json holds what dataset.yaml says of body, tracked frame, surface and gravity, so that
-the model predicts rows of an impacts.csv of schema 2: poses and velocities of the tracked frame, in axes of the world.
+Instead of the planar rig, model.json contains body, tracked frame, surface and gravity as in dataset.yaml, so the model
+predicts rows of an impacts.csv of schema 2: poses and velocities of the tracked frame, in axes of the world.
 """
 
 from collections.abc import Mapping
@@ -36,10 +36,10 @@ NOT_OF_THE_RIG = {"description", "noise", "rate", "spin", "surfaces"}  # keys of
 
 
 class SavedSpaceRig(SpaceHeader):
-    """Body and rig as believed: dataset.yaml without what is said about the recording."""
+    """Body and set-up as assumed in the fit: dataset.yaml without its keys on the recording."""
 
     reference: SavedReference = Field(SavedReference(), description="where effects count from; mu, epsilon, tau there")
-    mesh_sha256: str | None = Field(None, description="of the file of a mesh, which lies beside model.json")
+    mesh_sha256: str | None = Field(None, description="SHA-256 of the file of a mesh, which lies beside model.json")
 
     @model_validator(mode="after")
     def _mesh_is_that_of_the_fit(self) -> "SavedSpaceRig":
@@ -50,12 +50,12 @@ class SavedSpaceRig(SpaceHeader):
 
     @property
     def walls(self) -> tuple:
-        """None in space."""
+        """No walls in space."""
         return ()
 
 
 class SavedSpaceModel(SavedModel):
-    """The content of model.json of a body in space.
+    """The content of model.json for a body in space.
 
     `predict` takes x, y, z, qw … qz, vx_pre … wz_pre of the tracked frame and adds vx_post … wz_post and `status`.
     """
@@ -83,23 +83,23 @@ class SavedSpaceModel(SavedModel):
         return replace(rig_of(Dataset("", self.rig)), reference=self.rig.reference.believed)
 
     def predict(self, states: pd.DataFrame | Mapping[str, ArrayLike], source: str = "") -> pd.DataFrame:
-        """As in the plane; a model whose later hits differ needs `trial` and `t`: the first row of a trial is its first
-        hit.
+        """As in the plane; a model with effects on later hits also needs `trial` and `t`, and the first row of a trial
+        must be its first hit.
 
         Raises:
-            UserError: as in the plane; an effect depends on how the body has turned since the first frame.
+            UserError: as in the plane, or an effect depends on how the body has turned since the first frame.
         """
         prefix = f"{source}: " if source else ""
         for name in self._of_history:
             if name not in OF_LATER_HITS:
                 raise UserError(
                     f"{prefix}This model has the effect {name}, which depends on all frames of a toss before the hit; "
-                    "single impacts do not say that, and model.json predicts no hit of it."
+                    "single impacts do not contain these, so model.json cannot predict them."
                 )
             if missing := [column for column in ("trial", "t") if column not in pd.DataFrame(states)]:
                 raise UserError(
-                    f"{prefix}This model has the effect {name}: add the column {missing[0]} to the states, and to each "
-                    "trial its first hit, so that later ones are known as such."
+                    f"{prefix}This model has the effect {name}: add the column {missing[0]} to the states, and include "
+                    "the first hit of each trial, to distinguish it from later ones."
                 )
         return super().predict(states, source)
 
@@ -130,7 +130,7 @@ class SavedSpaceModel(SavedModel):
 def saved_in_space(
     fitted: Fit, header: SpaceHeader, dataset: str, parameters: Mapping | None = None
 ) -> SavedSpaceModel:
-    """Content of model.json for a model fitted to a dataset with this dataset.yaml; `parameters` as of `saved`."""
+    """Content of model.json for a model fitted to a dataset with this dataset.yaml; `parameters` as for `saved`."""
     rig = header.model_dump(mode="json", by_alias=True, exclude=NOT_OF_THE_RIG)
     if isinstance(mesh := header.body.shape, Mesh):
         rig["body"]["shape"], rig["mesh_sha256"] = mesh, mesh.sha256

@@ -1,6 +1,6 @@
 """A fitted model as a file: law, parameters, effects and rig; and its predictions.
 
-`SavedModel` validates model.json, so that a file with an invalid value or an unknown effect is refused with the reason.
+`SavedModel` validates model.json: a file with an invalid value or an unknown effect is refused with the reason.
 """
 
 import csv
@@ -34,25 +34,25 @@ from thesis_lib.mechanics.state import State
 
 STATE = ("x", "y", "theta", "vx", "vy", "omega")
 POST = ("vx_post", "vy_post", "omega_post")
-OF_BOUND = ("bound", "used", "range")  # of a parameter; not written where there is an estimate
+OF_BOUND = ("bound", "used", "range")  # of a parameter; not written if there is an estimate
 OPTIONAL = ("trial", "t")  # for effects that change over time
 MAX_MODEL = 1_000_000  # bytes; a model with 20 effects has 10 kB
 MAX_STATES = 200_000_000  # bytes; two million impacts
 MAX_COLUMNS = 1000
-# of the rig, not written: one surface, an angle that was measured, and effects that count from 0
+# usual values of the rig, not written: one surface, a measured angle, and effects that count from 0
 _USUAL = (("walls", []), ("mesh_sha256", None), ("has_angle", True), ("reference", {"x": 0.0, "t": 0.0, "trial": 0.0}))
-_PULL = 1.0  # release or s: the step of `trial` and `t` that shows whether a model depends on them
+_PULL = 1.0  # one release or 1 s: step of `trial` and `t` that shows whether a model depends on them
 
 
 class SavedParameter(Section):
-    """One fitted parameter; std is null where it was not fitted, or where the data give only a bound of it."""
+    """One parameter of a fitted model; std is null if it was not fitted or if the data only bound it."""
 
     value: float = Field(allow_inf_nan=False)
     std: float | None = Field(None, ge=0)
     unit: str
-    bound: Literal["lower", "upper"] | None = Field(None, description="all that the data say: at least, or at most")
-    used: float | None = Field(None, allow_inf_nan=False, description="in predictions, where `value` is a bound")
-    range: tuple[float, float] | None = Field(None, description="of values that a bound was searched in")
+    bound: Literal["lower", "upper"] | None = Field(None, description="kind of bound, if `value` is one")
+    used: float | None = Field(None, allow_inf_nan=False, description="value in predictions, if `value` is a bound")
+    range: tuple[float, float] | None = Field(None, description="range of values in which a bound was searched")
 
 
 class SavedReference(Section):
@@ -65,12 +65,12 @@ class SavedReference(Section):
 
     @property
     def believed(self) -> Reference:
-        """In the form that effects use."""
+        """The same in the form that effects use."""
         return Reference(self.x, self.t, self.trial, self.y or 0.0)
 
 
 class SavedRig(Section):
-    """Body and rig as believed: what the parameters belong to."""
+    """Body and experimental set-up (rig) as assumed in the fit."""
 
     shape: Shape
     radius_of_gyration: float = Field(gt=0, description="m")
@@ -85,12 +85,12 @@ class SavedModel(Section):
     """The content of model.json."""
 
     schema_: Literal[1] = Field(1, alias="schema", description="version of this format")
-    dataset: str = Field("", description="fitted to it")
+    dataset: str = Field("", description="name of the dataset that the model was fitted to")
     law: str = Field(description="an impact law or a compliant contact")
     effects: tuple[str, ...] = Field((), description="keys of thesis_lib.effects.EFFECTS, in order")
-    origins: dict[str, Origin] = Field({}, description="of the law and those effects that are not the library's")
+    origins: dict[str, Origin] = Field({}, description="of a law and of effects from outside the library")
     parameters: dict[str, SavedParameter] = Field(description="mu, epsilon, tau if seen, effect.parameter")
-    scatter: float = Field(0.0, ge=0, description="m/s, of the velocity after impact beyond noise")
+    scatter: float = Field(0.0, ge=0, description="m/s, scatter of the velocity after impact beyond noise")
     rig: SavedRig
 
     # columns of states and of predictions, and the units of the former
@@ -104,13 +104,13 @@ class SavedModel(Section):
         return PLANE
 
     def measured(self, columns: Mapping[str, np.ndarray]) -> State:
-        """The states in these columns (n,), as the model sees them."""
+        """The states in these columns (n,), in the form that the model uses."""
         return State.planar(**columns)
 
     def after(self, state: State) -> tuple[np.ndarray, np.ndarray]:
-        """Velocity (n, d + turns) in m/s, rad/s at the end of the contact, and a mask (n,) of bodies that approach it.
+        """Velocity (n, d + turns) in m/s, rad/s at the end of the contact, and a mask (n,) of approaching bodies.
 
-        The others keep the velocity of the state.
+        Bodies that do not approach the surface keep the velocity of the state.
         """
         walls, level = self.rig.walls, state
         if walls:
@@ -123,13 +123,13 @@ class SavedModel(Section):
         after = (dynamics.to_measured(dynamics.off(true)) if dynamics.model.takes_time else dynamics.predict(level)).v
         if walls:
             after = np.einsum("nji,nj->ni", R, after)
-        # what a body that moves away has is not rounded on the way through the camera
+        # the velocity of a body that moves away must not be rounded by the transformations to the camera and back
         approaches = dynamics.approaches(true)
         return np.where((approaches | np.isnan(after).any(axis=1))[:, None], after, state.v), approaches
 
     @property
     def model(self) -> Model:
-        """Law with effects; its contact takes time where the parameters hold that time."""
+        """Law with effects; its contact takes time if the parameters contain that time."""
         effects = tuple(EFFECTS[name] for name in self.effects)
         timed, slides = (p.name in self.parameters for p in (CONTACT_TIME, SLIDING))
         return Model(BASES[self.law], effects, timed, (TABLE,) * slides, self.space)
@@ -159,11 +159,11 @@ class SavedModel(Section):
     def predict(self, states: pd.DataFrame | Mapping[str, ArrayLike], source: str = "") -> pd.DataFrame:
         """The table of states with vx_post, vy_post, omega_post and `status`: ok, not_approaching or no_solution.
 
-        The prediction holds where the contact ends: at once, or after the time that a model with `tau` gives it.
+        The prediction holds at the end of the contact: at once, or after the contact time of a model with `tau`.
         `states` are x, y, theta, vx, vy, omega at first touch, as measured (m, rad, m/s, rad/s), `trial` and `t` if an
         effect depends on them, and any further columns.  Between walls the body hits the nearest one towards which it
-        moves.  Where spins were not measured, predictions hold for those of the states.  UserError, which begins with
-        `source`, the name of their file, if a column is missing or a value is not a finite number.
+        moves.  If the fit had no measured spins, predictions hold for the spins in `states`.  UserError, which begins
+        with `source`, the name of their file, if a column is missing or a value is not a finite number.
         """
         prefix, states = f"{source}: " if source else "", pd.DataFrame(states)
         if missing := [name for name in self.columns if name not in states]:
@@ -184,7 +184,7 @@ class SavedModel(Section):
                         f"{prefix}The column {name} holds no finite number in {len(bad)} row(s), first in row "
                         f"{bad[0] + 1} below the header."
                     )
-        # what is missing is that of the reference: far from it a limit such as ε ≤ 1 would hide what depends on it
+        # a missing column gets the reference value: far from it, a limit such as ε ≤ 1 would hide a dependence
         for name in (name for name in OPTIONAL if name not in states):
             columns[name] = np.full(len(states), getattr(self.rig.reference, name))
         after, approaches = self.after(self.measured(columns))
@@ -199,7 +199,7 @@ class SavedModel(Section):
         return states.assign(**dict(zip(self.found, after.T)), status=status)
 
     def save(self, path: str | Path) -> None:
-        """Write model.json; with `origins` only where something is not the library's."""
+        """Write model.json, with `origins` only if something is from outside the library."""
         content = self.model_dump(mode="json", by_alias=True)
         content["parameters"] = {
             name: {k: v for k, v in p.items() if k not in OF_BOUND or v is not None}
@@ -223,7 +223,7 @@ def saved(fitted: Fit, rig: Rig, dataset: str, parameters: Mapping[str, Mapping]
 
 
 def content_of(fitted: Fit, dataset: str, parameters: Mapping[str, Mapping] | None) -> dict:
-    """Content of model.json but the rig, rounded to six digits; arguments as of `saved`."""
+    """Content of model.json without the rig, rounded to six digits; arguments as for `saved`."""
     parameters = parameters or {
         name: fitted.content(name) | ({} if p.discrete is None else {"std": None})
         for name, p in fitted.model.parameters.items()
@@ -237,17 +237,17 @@ def content_of(fitted: Fit, dataset: str, parameters: Mapping[str, Mapping] | No
 
 
 def changed_code(model: SavedModel) -> list[str]:
-    """A sentence for the law and each effect whose code is no longer that which the model was fitted with."""
+    """A sentence for the law and for each effect whose code has changed since the model was fitted."""
     now = {**{name: origin_of("effect", name) for name in model.effects}, model.law: origin_of("law", model.law)}
     return [
-        f"{name} was fitted with another state of {saved}; its numbers hold for that one."
+        f"{name} was fitted with another version of {saved}; its numbers hold for that version only."
         for name, saved in model.origins.items()
         if (origin := now.get(name)) is not None and origin.sha256 != saved.sha256
     ]
 
 
 def read_states(path: str | Path) -> pd.DataFrame:
-    """Read the states for `predict` from a CSV file; UserError if it is missing or no table with column names."""
+    """Read the states for `predict` from a CSV file; UserError if it is missing or not a table with column names."""
     content = read_bytes(path, MAX_STATES)
     try:
         names = next(csv.reader(content.decode("utf-8-sig").splitlines()[:1]), [])

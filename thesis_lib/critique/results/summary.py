@@ -1,8 +1,8 @@
 """The verdict and what to do, in a few sentences from the content of diagnosis.json.
 
-Their order: what the body does that no impact law does, faults of the measurement and possible ones, impacts left out,
-the verdict with the sizes of what is missing, what to do, effects that only stand in for a cause, effects switched on
-by hand without support in the data, single impacts with large errors.
+Their order: certain and possible faults of the measurement, the verdict with the sizes of the missing effects, what to
+do, motion that no impact law describes, impacts left out, effects that are only proxies for a cause, effects switched
+on by hand without support in the data, single impacts with large errors.
 """
 
 from collections.abc import Mapping, Sequence
@@ -34,17 +34,17 @@ from thesis_lib.datasets.flights.parabolas import bent_sentence
 from thesis_lib.effects import EFFECTS
 from thesis_lib.statistics.wording import bounded, listed
 
-SEEN = 3.0  # standard errors above 0 of a contact time that the summary mentions
-BELOW = 0.9  # of the noise floor: an error that is smaller than chance in some 50 impacts makes it
-ABOVE_NOISE = 1.25  # times the error of noise alone: said, be it too little for a verdict
+SEEN = 3.0  # a contact time so many standard errors above 0 is mentioned
+BELOW = 0.9  # share of the noise floor; chance in some 50 impacts does not bring an error below it
+ABOVE_NOISE = 1.25  # times the error of noise alone; mentioned from here on, even if too little for a verdict
 UNRECORDED = (
     "Look for what changed from one to the next (the spot that was hit, its material, dirt, wear), and record it."
 )
-MUCH_LEFT_OUT = 0.2  # share of the impacts above which the summary mentions it
+MUCH_LEFT_OUT = 0.2  # share of the impacts; if more are left out, the summary mentions it
 
 
 def headline(content: Mapping) -> list[str]:
-    """Verdict, and which data it is of: what stands where there is room for few."""
+    """Sentences on the verdict and its data alone, for places with little room."""
     return [*faults(content), _judged(content)[0], *_of_which_data(content)]
 
 
@@ -53,7 +53,7 @@ def _of_which_data(content: Mapping) -> list[str]:
 
 
 def summary(content: Mapping) -> list[str]:
-    """Sentences for a reader; `content` is diagnosis.json without its summary."""
+    """All sentences of the summary; `content` is diagnosis.json without it."""
     found = effects_found(content)
     more = [*map(stands_in, [e for e in found if e["stand_in"]]), *said([e for e in found if not e["stand_in"]])]
     more += [*map(at_its_end, filter(is_at_end, found)), *map(rejected, content["rejected"])]
@@ -71,7 +71,7 @@ def _judged(content: Mapping) -> list[str]:
 
 
 def above_noise(content: Mapping) -> list[str]:
-    """Errors that are more than noise, but too small for a verdict."""
+    """Sentence on errors that exceed the noise but are too small to affect the verdict."""
     error, far = content["error"], content["remaining"]["channels"]
     floor = error["noise_floor"]
     ratios = {} if error["worst"] or not floor else {"impact": error["augmented"] / floor}
@@ -87,9 +87,9 @@ def above_noise(content: Mapping) -> list[str]:
 
 
 def _is_sound(content: Mapping) -> bool:
-    """Whether nothing that is left speaks against the numbers of the final model.
+    """Whether no remaining error casts doubt on the parameters of the final model.
 
-    What is left in a law alone is significant now and then, and too small to matter; beside effects it may be theirs.
+    The remaining error of a law alone may be significant yet too small to matter; beside effects it may be theirs.
     """
     rest, effects = content["remaining"], content["effects"]
     doubtful = rest.get("significant") and bool(effects)
@@ -102,12 +102,12 @@ def _low_pass(content: Mapping) -> list[str]:
     cutoff = content["low_pass"]["cutoff"]
     return [
         f"The samples were smoothed by a low-pass filter of about {cutoff['value']:.0f} Hz (± {cutoff['std']:.0f} Hz); "
-        "those that it rounded are not used, so it does not pass for a long contact, but it costs the shorter flights."
+        "distorted samples are not used, so the filter is not mistaken for a long contact, but short flights are lost."
     ]
 
 
 def much_left_out(content: Mapping) -> list[str]:
-    """How many impacts and flights were left out, if these are many."""
+    """Sentences on the impacts and flights that were left out, if these are many."""
     share, flights = content["left_out"]["share"], content["left_out"].get("flights", {"bent": 0, "n": 0})
     bent = [text] if (text := bent_sentence(flights["bent"], flights["n"])) else []
     if share <= MUCH_LEFT_OUT:
@@ -121,10 +121,10 @@ def _adequate(content: Mapping) -> list[str]:
     error, law = content["error"], _law(content, "base_model")
     most = " for most impacts" if error["worst"] else ""
     if effects_found(content, clears=False):
-        # no other effect was tried, so that nothing is known about them
+        # no other effect was tried, so nothing is known about the others
         return [
             f"{law} is adequate{most} as far as was tested: its held-out error is {speed(error['base'])}"
-            f"{_floor(error)}, and other effects than those that you chose were not tried."
+            f"{_floor(error)}, and effects other than those that you chose were not tried."
         ]
     if not content["search"]["tried"]:
         return [f"The held-out error of {law} is {speed(error['base'])}{_floor(error)}; no effect was tried."]
@@ -141,7 +141,7 @@ def _effects(content: Mapping) -> list[str]:
     physics, fall = [e for e in found if not is_fault(e)], _fall(content, found)
     if physics:
         many = any(len(e["indistinguishable_from"]) > NAMED for e in physics)
-        lacks = "leaves something out, and these data cannot tell what" if many else "leaves out"
+        lacks = "leaves something out, but these data do not show what" if many else "leaves out"
         first = f"{law} {lacks}: {sized(physics)}; {_with(content, found)} {fall}."
     else:
         most = "describes most impacts" if content["error"]["worst"] else "is enough"
@@ -149,16 +149,16 @@ def _effects(content: Mapping) -> list[str]:
     if not any(e["indistinguishable_from"] for e in found):
         if not _is_sound(content):
             rest = content["remaining"]
-            left = "What is left still depends on the state before impact "
+            left = "The remaining error still depends on the state before impact "
             left += f"(p = {rest['p_value']:.2g}), though by too little to matter."
             first_of_all = "Try model.json on drops of your own before you use it for predictions."
             return [first, *[left] * rest["significant"], first_of_all]
         if any((e.get("could_be") or {}).get("causes") for e in found):
-            return [first, "Find out which of its causes it is before you use model.json for predictions."]
+            return [first, "Find out which of the possible causes it is before you use model.json for predictions."]
         return [first, what_to_do(found)]
     if content["next_experiment"]["states"]:
         return [first, "To tell the named candidates apart, measure at the states listed under the next experiment."]
-    return [first, "What would tell the named candidates apart stands under the next experiment."]
+    return [first, "The next experiment describes how to tell the named candidates apart."]
 
 
 def _unexplained(content: Mapping) -> list[str]:
@@ -183,8 +183,8 @@ def _unexplained(content: Mapping) -> list[str]:
         besides = f", with {listed([named(e) for e in found])}," if found else ""
         return [
             f"{_law(content, 'augmented_model')}{besides} holds for the impacts that rebound, with a held-out error of "
-            f"{speed(error['augmented'])}{_floor(error)}, and for none below {limit}: no law or effect of the library "
-            "has a restitution that ends at a speed."
+            f"{speed(error['augmented'])}{_floor(error)}, but for none below {limit}: no law or effect in the library "
+            "has a restitution that vanishes below a speed."
         ]
     tried = content["search"]["tried"]
     misses = f"{_law(content, 'base_model')} misses something"
@@ -199,9 +199,9 @@ def _unexplained(content: Mapping) -> list[str]:
         sentences.append(f"Far more than noise is left in {listed(channels)}.")
     if replaced and not remaining["structured"]:
         again = listed(sorted({e["stand_in"]["denies"] for e in found if e["stand_in"]}))
-        return [*sentences, f"Measure the {again} again, or look for what acts in its place on these impacts."]
+        return [*sentences, f"Measure the {again} again, or look for another cause that acts on these impacts."]
     if remaining.get("energy_gain"):
-        return [*sentences, "What is left may be nothing else than the energy that impacts add: mend that first."]
+        return [*sentences, "The remaining error may come from energy gained at impacts alone: correct that first."]
     if remaining["restitution"]:
         return [*sentences, restitution_differs(remaining["restitution"]), UNRECORDED]
     if not tried:
@@ -210,14 +210,14 @@ def _unexplained(content: Mapping) -> list[str]:
     if remaining.get("elsewhere"):
         sentences.append(struck_elsewhere(remaining["elsewhere"]))
     sentences.append(
-        (f"What is left depends on {on}: look there" if on else "Look at what is left")
-        + " for a cause that the library does not hold, or learn it as a residual."
+        (f"The remaining error depends on {on}: look there" if on else "Search the remaining error")
+        + " for a cause that is not in the library, or learn it as a residual."
     )
     return sentences
 
 
 def struck_elsewhere(hits: Mapping) -> str:
-    """Sentence on hits on something that is not the surface."""
+    """Sentence on hits on an object other than the surface."""
     shown = [f"trial {one['trial']} at {one['t']:.3f} s" for one in hits["first"]]
     more = hits["hits"] - len(shown)
     return (
@@ -227,15 +227,15 @@ def struck_elsewhere(hits: Mapping) -> str:
 
 
 def restitution_differs(differs: Mapping) -> str:
-    """Sentence on restitution that differs where no effect explains it."""
+    """Sentence on restitution that differs between trials or impacts without an effect that explains it."""
     low, high, by = f"{differs['low']:.2f}", f"{differs['high']:.2f}", differs["differs_by"]
-    return f"Restitution ({low} to {high}) differs from {by} to {by} and with nothing that is recorded."
+    return f"Restitution ({low} to {high}) differs from {by} to {by} but depends on nothing that is recorded."
 
 
 def _contact_time(content: Mapping) -> list[str]:
     model = content["augmented_model"]
     if not _is_sound(content):
-        return []  # it may have made up for what is missing
+        return []  # it may have compensated for a missing effect
     tau, epsilon = (model["parameters"].get(name, {"value": 0.0, "std": 0.0}) for name in ("tau", "epsilon"))
     if tau["std"] is None or tau["value"] <= SEEN * tau["std"]:
         return []
@@ -245,48 +245,48 @@ def _contact_time(content: Mapping) -> list[str]:
 
 
 def _friction(content: Mapping) -> list[str]:
-    """Sentence on friction where no impact goes on slipping."""
+    """Sentence on friction if no impact still slips at its end."""
     mu = content["augmented_model"]["parameters"]["mu"]
     if mu.get("bound") != "lower" or mu["value"] <= mu["range"][0]:
         return []
     return [
-        f"No impact goes on slipping, so the data give only a bound of friction: mu {bounded(mu)}, the largest ratio "
-        "of impulses; predictions stick beyond it."
+        f"No impact still slips at its end, so friction has only a bound: mu {bounded(mu)}, the largest ratio of "
+        "impulses; beyond it, predictions stick."
     ]
 
 
 def _origins(content: Mapping) -> list[str]:
-    """Sentences on named laws and effects that are not the library's, with their origin."""
+    """Sentences with the origin of named laws and effects that are not part of the library."""
     named = {("law", content[key]["name"]) for key in ("base_model", "augmented_model")}
     for effect in content["effects"]:
         named |= {("effect", name) for name in (effect["name"], *effect["indistinguishable_from"])}
     told = [one for one in content.get("additions", ()) if (one["kind"], one["name"]) in named]
-    return [f"“{addition_title(one)}” is not of the library but from {origin_text(one)}." for one in told]
+    return [f"“{addition_title(one)}” is not part of the library but from {origin_text(one)}." for one in told]
 
 
 def worst(error: Mapping) -> list[str]:
-    """Single impacts that go wrong, where they and not the median lift the mean above the noise."""
+    """Sentence on single impacts with large errors, if these and not the median raise the mean above the noise."""
     if not error["worst"]:
         return []
     at = ["" if r["t"] is None or np.isnan(r["t"]) else f" at {r['t']:.3f} s" for r in error["worst"]]
     rows = [f"trial {r['trial']}{when} ({speed(r['error'])})" for r, when in zip(error["worst"], at)]
     times = error["augmented"] / error["noise_floor"]
     return [
-        f"The mean held-out error is {times:.2g} times the noise floor though half of the impacts lie near it: single "
-        f"impacts go wrong, the worst in {listed(rows)}; look at their samples, and if these are sound, at what sets "
-        "these impacts apart."
+        f"The mean held-out error is {times:.2g} times the noise floor, but half of the impacts lie near it: single "
+        f"impacts are predicted badly, the worst in {listed(rows)}; check their samples and, if these are sound, in "
+        "what these impacts differ from the others."
     ]
 
 
 def _with(content: Mapping, found: Sequence[Mapping]) -> str:
-    """With it / with all of it, and with which law."""
+    """The words “with it” or “with all of it”, and the law if it changes."""
     taken = "with it" if len(found) == 1 else "with all of it"
     law, then = _law(content, "base_model"), _law(content, "augmented_model")
     return taken if law == then else f"{taken}, and {then} as the law,"
 
 
 def _fall(content: Mapping, found: Sequence[Mapping]) -> str:
-    """Change of the misfits, those with a material change first."""
+    """Clause on the change of the held-out errors, material changes first."""
     error = content["error"]
     settings = SearchSettings()
     ends = f"{settings.change(error['base'], error['augmented'], error['noise_floor'], speed)}{_floor(error)}"

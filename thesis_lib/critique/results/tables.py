@@ -1,6 +1,6 @@
 """Tables of the critique: comparison, errors, ladder, impacts used and left out, flights, error budget.
 
-Comparison, ladder and budget use held-out impacts; `errors` and `flights` hold every impact and flight, with a mark
+Comparison, ladder and budget use held-out impacts; `errors` and `flights` contain all impacts and flights, with a mark
 (`held_out`).  foundation/columns.yaml explains the columns.  The budget splits the mean square error of the base law:
 
 | part                | definition                                                                                    |
@@ -86,7 +86,7 @@ def comparison(critique: DropsCritique) -> pd.DataFrame:
 
 
 def few_tables(few: FewImpacts) -> dict[str, pd.DataFrame]:
-    """`comparison` and in the plane `impacts`, where these are too few for a verdict: nothing is held out."""
+    """Table `comparison`, and in the plane `impacts`, for too few impacts for a verdict: nothing is held out."""
     none = np.zeros(0)
     rows = [_row(name, "law", none, fitted) for name, fitted in few.laws.items()]
     content = {"comparison": pd.DataFrame(rows).reindex(columns=COMPARISON)}
@@ -115,7 +115,7 @@ def errors(critique: DropsCritique) -> pd.DataFrame:
 
 
 def ladder(critique: DropsCritique, rng: np.random.Generator) -> pd.DataFrame:
-    """A row per rung: after 0, 1, ... effects."""
+    """A row per model of the ladder, after 0, 1, ... effects."""
     rows, previous = [], None
     for step, (label, _, judged) in enumerate(critique.ladder):
         low, high = bootstrap_mean(judged.error, judged.trial, DRAWS, rng)
@@ -138,7 +138,7 @@ def ladder(critique: DropsCritique, rng: np.random.Generator) -> pd.DataFrame:
 
 
 def impacts(o: Observations, held_out: np.ndarray) -> pd.DataFrame:
-    """Impacts in the plane, used, with covariance, and left out, with the reason; `held_out`: trials no choice saw."""
+    """Impacts in the plane: used ones with covariance, others with the reason; `held_out`: held-out trials."""
     used = o.found.impacts.to_table().assign(hits=1, span=0.0, used=1, reason="", detail="")
     rows = np.flatnonzero(o.span)
     if len(rows):
@@ -217,18 +217,18 @@ def _row(model: str, kind: str, error: np.ndarray, fitted: Fit | None = None, ju
         row |= {"mean": solved.mean(), "median": np.median(solved), "quantile_90": np.quantile(solved, 0.9)}
     if fitted is not None:
         for name in ("mu", "epsilon"):
-            row |= {name: fitted.content(name)["value"], f"{name}_std": fitted.std[name]}  # NaN of a bound
+            row |= {name: fitted.content(name)["value"], f"{name}_std": fitted.std[name]}  # NaN for a bound
     if judged is not None:
         row |= {"floor": judged.floor, "score": judged.total / len(judged.score)}
     return row
 
 
 def _shares_in_range(critique: DropsCritique) -> tuple[dict[str, float], float]:
-    """By law, the share of held-out single hits that some (μ, ε) brings within the tolerance, and this in m/s."""
+    """By law, the share of held-out single hits that some (μ, ε) brings within the tolerance; the tolerance in m/s."""
     o, base = critique.held_out.single, critique.ladder[0][1]
     floor = critique.ladder[0][2].floor
     tolerance = RANGE_FLOORS * floor if np.isfinite(floor) else RANGE_UNKNOWN
-    if not (o.rig.has_angle and o.space.is_plane):  # its coefficients are fitted to single impacts in the plane
+    if not (o.rig.has_angle and o.space.is_plane):  # coefficients are fitted to single impacts in the plane only
         return dict.fromkeys(critique.discovery.bases, np.nan), tolerance
     v_pre, v_post, r = (a[:MOST_IN_RANGE] for a in velocities(base, o))
     n = len(v_pre)

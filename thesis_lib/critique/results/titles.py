@@ -49,14 +49,14 @@ def law_title(name: str) -> str:
 
 
 def effect_title(name: str) -> str:
-    """Title of an effect, or its name if the library does not hold it."""
+    """Title of an effect, or its name if the effect is unknown."""
     return EFFECTS[name].title if name in EFFECTS else name.replace("_", " ")
 
 
 def counted_from(name: str, reference: Mapping[str, float], found: Mapping[str, Mapping]) -> str:
-    """Where an effect counts from, and where the places `found` are in the dataset's numbers; "" if it does not count.
+    """Text on the origin of an effect, and on its places in coordinates of the dataset; "" if it has no origin.
 
-    As "counted from x = 3.02 m, x_1 at x = 3.07 m"; `reference` and the parameters `found` as in diagnosis.json.
+    Example: "counted from x = 3.02 m, x_1 at x = 3.07 m".  `reference` and the parameters `found` as in diagnosis.json.
     """
     effect = EFFECTS.get(name)
     if effect is None or not reference:
@@ -73,13 +73,13 @@ def counted_from(name: str, reference: Mapping[str, float], found: Mapping[str, 
 
 
 def new_law(critique: DropsCritique, i: int) -> str:
-    """Title of the law at the i-th rung of the ladder if it differs from the rung before, else ''."""
+    """Title of the law of the i-th model of the ladder if it differs from the model before, else ''."""
     before, here = (critique.ladder[j][1].model.law.name for j in (max(i - 1, 0), i))
     return law_title(here) if here != before else ""
 
 
 def rung_title(critique: DropsCritique, i: int) -> str:
-    """Label of the i-th rung of the ladder: the base law, or the added effect and a change of law."""
+    """Label of the i-th model of the ladder: the base law, or the added effect and a change of law."""
     if i == 0:
         return law_title(critique.discovery.base)
     law = new_law(critique, i)

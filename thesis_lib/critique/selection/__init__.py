@@ -1,1 +1,1 @@
-"""The search that every critique shares: which effect a model lacks, and which effects cannot be told apart."""
+"""The search that all critiques share: which effect a model lacks, and which effects cannot be told apart."""

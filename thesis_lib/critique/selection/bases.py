@@ -1,6 +1,6 @@
-"""Which base a model goes with: the laws that compete, and those of the reserve, which are slow to fit.
+"""Choice of the base of a model: from the competing laws, and from the reserve, second-stage bases that fit slowly.
 
-A missing effect may favour the wrong base, and a wrong base an effect that only stands in for it.
+A missing effect may favour the wrong base, and a wrong base an effect that only compensates for it.
 """
 
 from collections.abc import Mapping, Sequence
@@ -14,7 +14,7 @@ from thesis_lib.critique.selection.world import E, F, J
 
 
 class Bases(Generic[E, F, J]):
-    """The bases of a world, and the evidence for one in place of another."""
+    """The bases of a world, and tests of whether one should replace another."""
 
     def __init__(self, evidence: Evidence[E, F, J]) -> None:
         self.world, self.settings, self.evidence = evidence.world, evidence.settings, evidence
@@ -28,14 +28,14 @@ class Bases(Generic[E, F, J]):
         return self.world.leaves_an_error(self.world.judge(fitted))
 
     def reserve(self, fitted: F, refine: bool = False) -> list[F]:
-        """Quick fits of bases of the reserve with the same effects; none for a fit that has one of them."""
+        """Quick fits of bases of the reserve with the same effects; empty if the model has such a base already."""
         world = self.world
         return world.reserve_fits(fitted, refine) if world.reserve and fitted.base not in world.reserve else []
 
     def far_better(
         self, reserve: Sequence[F], quick: Mapping[str, F], contenders: Sequence[F], judged: J
     ) -> tuple[F, J] | None:
-        """`other` if its quick fit gains far more over the `contenders` than any effect does by its own."""
+        """Result of `other`, if the reserve gains far more over the `contenders` by quick fits than any effect does."""
         if not reserve:
             return None
         world = self.world
@@ -46,7 +46,7 @@ class Bases(Generic[E, F, J]):
         return self.other(reserve, max(contenders, key=lambda fit: fit.score), judged)
 
     def other(self, reserve: Sequence[F], rival: F, to_beat: J) -> tuple[F, J] | None:
-        """Fit and judgement of the best base of the reserve, if it predicts better than `rival` and spoils none.
+        """Fit and judgement of the best base of the reserve, if it predicts better than `rival` and raises no error.
 
         `reserve` holds quick fits; `to_beat` is the judgement of `rival`.
         """
@@ -67,10 +67,10 @@ class Bases(Generic[E, F, J]):
         return None if best.score - rival.score < self.settings.tell_apart else best
 
     def spoils(self, fitted: F, judged: J, than: J) -> bool:
-        """Whether a base errs more than another one, also with any one effect that acts on these errors alone.
+        """Whether a base errs more than another one, even with any one effect that acts on these errors alone.
 
-        A base that fits better may pass on to another channel what is missing there, which a worse one had made up
-        for: friction while sliding, say, if the base that is right finds the friction of the hits.
+        A base that fits better may reveal an effect missing in another channel, for which a worse base compensated:
+        friction while sliding, for example, if the right base finds the friction of the hits.
         """
         world, settings = self.world, self.settings
         if not world.errs_more(judged, than, settings):
@@ -83,7 +83,7 @@ class Bases(Generic[E, F, J]):
         return True
 
     def with_best_base(self, step: Step[E, F, J]) -> Step[E, F, J]:
-        """The step, fitted in full, with the base that fits best; without the effect another may have compensated."""
+        """The step, fitted in full, with the base that fits best; another one may have compensated for the effect."""
         world, fitted, least = self.world, step.fitted, self.settings.tell_apart
         others = world.fits([(name, fitted.effects, fitted.values, "quick") for name in world.bases])
         others += world.reserve_fits(fitted) if fitted.base in world.reserve else []
@@ -99,7 +99,7 @@ class Bases(Generic[E, F, J]):
     def with_other_base(
         self, step: Step[E, F, J], quick: Mapping[str, F], contenders: Sequence[F], before: J
     ) -> Step[E, F, J]:
-        """The step, or an effect that gains nearly as much, on a base of the reserve, if these predict better."""
+        """The step, or an effect that gains nearly as much, on a base of the reserve, if that predicts better."""
         # an effect may have been chosen because the base was the wrong one, and a base because the effect was missing
         world = self.world
         gains = {name: world.quick_gain(quick[name], contenders) for name in list(quick)[: self.settings.runners_up]}
@@ -116,10 +116,10 @@ class Bases(Generic[E, F, J]):
         return self._as_step(*other, before, reserve, gains, step.scan)
 
     def together(self, shortlist: Shortlist[F], fitted: F, judged: J) -> Step[E, F, J] | None:
-        """A step to an effect and a base of the reserve that leave no error, where none enters by itself.
+        """A step to an effect and a base of the reserve that together leave no error, if neither enters by itself.
 
-        Without the effect no base may be better than another one, and with the wrong base no effect: of a body with
-        many corners, say, whose contacts only the right law resolves.
+        Without the effect no base may be better than another, and with the wrong base no effect may help: as for a
+        body with many corners, whose contacts only the right law resolves.
         """
         world, names = self.world, list(shortlist.quick)[: self.settings.runners_up]
         reserve = [fit for name in names for fit in world.reserve_fits(shortlist.quick[name])]

@@ -1,4 +1,4 @@
-"""Result of a search, and how it does on held-out data."""
+"""Result of a search, and its judgement on held-out data."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -12,8 +12,8 @@ from thesis_lib.critique.selection.settings import SearchSettings
 from thesis_lib.critique.selection.world import E, F, HeldOutScores, J, World
 from thesis_lib.statistics.bootstrap import bootstrap_gain
 
-KEPT = 12  # fits of the first step that are remembered: enough for a picture
-# no better than chance; no error falls by an amount that matters; an error rises by one
+KEPT = 12  # fits of the first step that are kept: enough for a figure
+# no better than chance; no error falls by an amount that matters; an error rises by such an amount
 Failure = Literal["chance", "immaterial", "spoils"]
 
 
@@ -22,7 +22,7 @@ class Step(Generic[E, F, J]):
     """One chosen effect.
 
     Attributes:
-        alternatives: names that the data cannot tell from it, nearest first.
+        alternatives: names of effects that the data cannot tell from it, nearest first.
         fails: the test that it does not pass; None unless it was switched on by hand.
         p_value: of its gain against the null of the largest gain.
         gain: held-out gain per unit by K-fold with 95 % interval, nats.
@@ -59,11 +59,11 @@ class Shortlist(Generic[F]):
     """Fits from which a step chooses.
 
     Attributes:
-        quick: by the name of the candidate, the best quick fit with it, the best first.
-        contenders: models without any of them, over which a fit gains.
+        quick: best quick fit with each candidate, by its name, best first.
+        contenders: models without any of the candidates, with which the fits are compared.
         tests: score tests, with the null that counts all candidates.
-        base: of the fits that are judged, where it is not that of the quick ones.
-        alike: candidates that explain the same as the first, where that is not asked of the tests.
+        base: base of the fits that are judged, if the quick fits have another one.
+        alike: candidates that explain the same as the first; None: determined by the tests.
     """
 
     quick: Mapping[str, F]
@@ -79,11 +79,11 @@ class Shortlist(Generic[F]):
 
 @dataclass
 class Path(Generic[E, F, J]):
-    """How far a search has come, and as it was before a base of the reserve was taken (`simpler`).
+    """State of a search, and its state before a base of the reserve was taken (`simpler`).
 
-    `first`: the best of what the first step chose from.  `entered`: how many effects have entered; `left`: how many had
-    when an effect left, each time, by its name.  `ended`: whether no effect enters; `shortlist`: what the next step
-    chooses from, where that is known.
+    `first`: best fits from which the first step chose.  `entered`: number of effects that have entered; `left`: that
+    number each time an effect left, by the name of the effect.  `ended`: whether no effect enters; `shortlist`: fits
+    from which the next step chooses, if known.
     """
 
     base: str
@@ -103,16 +103,16 @@ class Path(Generic[E, F, J]):
         self.left.setdefault(name, []).append(self.entered)
 
     def simpler_within(self, effects: int) -> "Path[E, F, J] | None":
-        """The path before a base of the reserve was taken, if fewer than so many `effects` were found with that."""
+        """The path before a base of the reserve was taken, if fewer than `effects` effects were found with that."""
         return self.simpler if self.simpler and len(self.steps) < len(self.simpler.steps) + effects else None
 
     @property
     def barred(self) -> set[str]:
-        """Effects that may not enter: until another one has entered, and for good once they have left twice."""
+        """Effects that left and may not enter again: until another one has entered; never if they left twice."""
         return {name for name, at in self.left.items() if len(at) > 1 or at[-1] == self.entered}
 
     def remember(self, step: Step[E, F, J] | None, shortlist: Shortlist[F] | None) -> None:
-        """Keep a copy, with a step that would have entered, or with what it would choose from, unless there is one."""
+        """Keep a copy as `simpler`, unless there is one, with the step that would have entered or its shortlist."""
         if self.simpler is None:
             known = [one for one in self.steps if step is None or one.effect.name != step.effect.name]
             copy = replace(
@@ -130,12 +130,12 @@ class Discovery(Generic[E, F, J]):
     """The chosen model and the steps that led to it.
 
     Attributes:
-        bases: by name, the fit without effects; base: name of the best.
-        first: the best of what the first step chose from; None if there was nothing to choose.
+        bases: fit without effects of each base, by name; base: name of the best.
+        first: best fits from which the first step chose; None if there was no choice.
         last_scan: score tests at the final model.
         below: fit with a significant but immaterial effect, at which the search ended.
         not_testable: name -> why.
-        limit: `max_effects`, where the search ended there although more may be found; rejected: by the held-out trials.
+        limit: `max_effects`, if the search ended there although more may be found; rejected: by the held-out trials.
     """
 
     bases: dict[str, F]
@@ -164,7 +164,7 @@ class Discovery(Generic[E, F, J]):
         return replace(self, bases=bases, steps=tuple(replace(s, fitted=change(s.fitted)) for s in self.steps))
 
     def with_open_alternatives(self) -> "Discovery[E, F, J]":
-        """The same without alternatives that the final model holds, too: it needs both, so that they are told apart."""
+        """The same without alternatives that the final model contains: it needs both, so they are distinguishable."""
         held = {step.effect.name for step in self.steps}
         return replace(
             self,
@@ -175,7 +175,7 @@ class Discovery(Generic[E, F, J]):
         )
 
     def verdict(self, is_structured: bool) -> str:
-        """adequate, effects or unexplained; `is_structured`: something that matters remains."""
+        """adequate, effects or unexplained; `is_structured`: an error that matters remains."""
         if is_structured:
             return "unexplained"
         return "effects" if any(step.clears for step in self.steps) else "adequate"
@@ -188,13 +188,13 @@ def judge_held_out(
     settings: SearchSettings,
     by_hand: bool = False,
 ) -> tuple[Discovery[E, F, J], tuple[tuple[str, F, J], ...], dict[str, J]]:
-    """What stands, and its held-out judgements: the ladder (label, fit, judgement), and the worth of each effect.
+    """Confirmed discovery, held-out ladder (label, fit, judgement), and judgement of the model without each effect.
 
-    The latter is, by effect, the judgement of the final model refitted without it.  An effect with which any held-out
-    error is larger by an amount that matters, than on an earlier rung or than without it, is rejected; one that was
-    switched on `by_hand` stays, and fails.  So is one that lowers no held-out error by `confirmed` of what matters.
-    They go one by one, the last of those first without which the final model is better, and the others are fitted
-    again.  This is the only say that held-out data have: they take an effect away, but choose none, and fit nothing.
+    The last is, by effect, that of the final model refitted without it.  An effect is rejected if it raises a held-out
+    error by an amount that matters, compared with an earlier model of the ladder or with the model without it, or if it
+    lowers none by `confirmed` of such an amount; one that was switched on `by_hand` stays, but fails.  Effects are
+    rejected one by one, first the last of those without which the final model is better, and the others are fitted
+    again.  Held-out data have no other influence: they remove an effect, but choose none, and fit nothing.
     """
     part = {name: settings.confirmed * getattr(settings, name) for name in ("material_share", "material_floor")}
     confirming = settings.model_copy(update=part)
@@ -203,8 +203,8 @@ def judge_held_out(
     ladder = tuple((label, fitted, held_out.judge(fitted)) for label, fitted in fits)
     while True:
         final, without = discovery.fitted, {}
-        spoiled: dict[int, tuple[J, J]] = {}  # by the number of a step: with it, and what is better
-        alone = []  # those that the final model is better without
+        spoiled: dict[int, tuple[J, J]] = {}  # by number of a step: with it, and the better one
+        alone = []  # numbers of steps without which the final model is better
         rests = [tuple(e for e in final.effects if e.name != step.effect.name) for step in discovery.steps]
         fits = training.fits([(final.base, rest, final.values, "near") for rest in rests])
         for i, (step, fitted) in enumerate(zip(discovery.steps, fits)):
@@ -214,7 +214,7 @@ def judge_held_out(
                 spoiled[i] = ladder[-1][2], smaller
                 alone.append(i)
             else:
-                # an error that this rung has raised, not an earlier one
+                # an error that this effect has raised, not an earlier one
                 rungs = [than for _, _, than in ladder[: i + 1] if held_out.is_vetoed(ladder[i + 1][2], than, settings)]
                 if held_out.forgives_rungs:
                     rungs = [than for than in rungs if held_out.is_vetoed(ladder[-1][2], than, settings)]
@@ -241,7 +241,7 @@ def judge_held_out(
 
 
 def _fitted_without(training: World[E, F, J], steps: Sequence[Step[E, F, J]], at: int) -> tuple[Step[E, F, J], ...]:
-    """The steps without the one `at`, those after it fitted again, the last one until nothing changes."""
+    """The steps without step number `at`; later ones are fitted again, the last one until nothing changes."""
     kept = list(steps[:at])
     for step in steps[at + 1 :]:
         effects, effort = (*(one.effect for one in kept), step.effect), "full" if step is steps[-1] else "near"

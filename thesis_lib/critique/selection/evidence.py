@@ -1,6 +1,6 @@
-"""Evidence for or against an effect: score tests, gains by K-fold, refits of drawn data, and effects that look alike.
+"""Evidence for or against an effect: score tests, gains by K-fold, refits of drawn data, indistinguishable effects.
 
-Random streams are named by effects, so that a further candidate changes no draw of the others.
+Random streams are named by effects, so a further candidate does not change the draws of the others.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -16,13 +16,13 @@ from thesis_lib.critique.selection.world import E, F, HeldOutScores, J, Slopes, 
 from thesis_lib.foundation.forked import processes
 from thesis_lib.foundation.randomness import generator
 
-# an effect that predicts no better or spoils an error leaves; with "immaterial" also one that lowers none by an amount
-# that matters
+# effects that are removed: "useless" those that do not predict better or that raise an error, "immaterial" also those
+# that lower none by an amount that matters
 Drop = Literal["none", "useless", "immaterial"]
 
 
 class Evidence(Generic[E, F, J]):
-    """The training trials of a world with their folds, which stay the same during a search."""
+    """Tests on the training trials of a world, with the same folds during a search."""
 
     def __init__(self, world: World[E, F, J], settings: SearchSettings, rng: np.random.Generator) -> None:
         self.world, self.settings = world, settings
@@ -49,17 +49,17 @@ class Evidence(Generic[E, F, J]):
         return scan(replace(slopes, candidates=of_candidates), self.world.resamples, generator(self.seed, *stream))
 
     def gain(self, better: J, worse: J, *stream: str) -> tuple[float, float, float]:
-        """Gain in nats a unit of one judgement over another, with 95 % interval."""
+        """Gain in nats per unit of one judgement over another, with 95 % interval."""
         return paired_gain(better, worse, generator(self.seed, *stream), self.world.resamples)
 
     def failure(self, better: J, worse: J, effect: E) -> Failure | None:
-        """Why an effect that predicts better does not enter by its errors; None if it does."""
+        """Reason why the errors exclude an effect that predicts better; None if they do not."""
         if self.world.is_vetoed(better, worse, self.settings):
             return "spoils"
         return None if self.world.is_material(better, worse, effect, self.settings) else "immaterial"
 
     def judged_in_turn(self, near: Mapping[str, F], names: Sequence[str]) -> Iterator[tuple[str, dict[str, J]]]:
-        """Each of `names` with the judgements by K-fold of its part, the best first: first those close to the best."""
+        """Yield `names` with K-fold judgements of their part, best first: those close to the best, then the others."""
         top = near[names[0]].score if names else 0.0
         for is_close in (True, False):
             part = [name for name in names if (near[name].score > top - self.settings.close) == is_close]
@@ -69,8 +69,8 @@ class Evidence(Generic[E, F, J]):
     def stretch_of_null(self, fitted: F, effect: E, tests: Scan, *stream: str, gain: float = np.inf) -> float:
         """Mean gain of `World.refits` full refits to data without the effect, over that of the score test; at least 1.
 
-        The mean gain of the score test is half the number of its columns (Bartlett's correction).  Where the refits so
-        far make `gain` in nats chance, whatever the others gain, none follows, and a lower bound is returned.
+        The mean gain of the score test is half the number of its columns (Bartlett's correction).  Once the refits show
+        that `gain` (nats) may be chance, whatever the others gain, none follows, and a lower bound is returned.
         """
         gains, stretch, rng = [], 1.0, generator(self.seed, *stream)
         expected = 0.5 * max(tests.basis[effect.name].shape[1], 1)
@@ -89,14 +89,14 @@ class Evidence(Generic[E, F, J]):
     def alternatives(
         self, name: str, gains: Mapping[str, float], tests: Scan, judgements: Mapping[str, J]
     ) -> tuple[str, ...]:
-        """Effects that would explain the same on this design, nearest first; `judgements` are of it and of others."""
+        """Effects that would explain the same as `name` here, nearest first; `judgements` are of it and of others."""
         # the observed difference counts as well as the expected one
         loss = {
             other: max(tests.expected_loss(name, other), gains[name] - gains.get(other, tests.gain[other]))
             for other, columns in tests.basis.items()
             if other != name and columns.shape[1] and not self.world.includes(other, name)
         }
-        # nats of a model that is wrong scatter more than its noise predicts
+        # log scores of a wrong model scatter more than its noise predicts
         least = {o: max(self.settings.tell_apart, scatter(judgements[name], judgements[o])) for o in judgements}
         return tuple(o for o in sorted(loss, key=lambda o: loss[o]) if loss[o] < least.get(o, self.settings.tell_apart))
 
@@ -125,9 +125,9 @@ class Evidence(Generic[E, F, J]):
         return None
 
     def is_clear(self, at_fit: J, smaller: F, step: Step[E, F, J], last: Step[E, F, J]) -> bool:
-        """Whether fits show by far that an effect is needed, so that K-fold needs not ask; `at_fit` is with it.
+        """Whether fits clearly show that an effect is needed, without K-fold; `at_fit` is the judgement with it.
 
-        What a fit gains on its own data exceeds what it gains on others by two nats a parameter (Stone 1977).
+        The gain of a fit on its own data exceeds that on others by two nats per parameter (Stone 1977).
         """
         settings, effect = self.settings, step.effect
         without = self.world.judge(smaller)

@@ -1,15 +1,15 @@
 """Score tests of all candidate effects at once, and their joint null distribution.
 
-With z the whitened residuals of the fitted model, B their slopes in its parameters and U_c those in candidate c's,
+With z the whitened residuals of the fitted model, B their slopes in its parameters, and U_c in those of candidate c,
 
     gain_c = ½ |P_c z|²,    P_c the projector on U_c after B is projected out
 
 is the first-order rise of the log score when c is switched on and *all* parameters are refitted.  Projecting out B
 keeps compensating parameters from hiding an effect.
 
-Under the null z is noise.  Drawing the largest gain of any candidate with the same projectors makes the p-value count
-how many were tried.  Let s = P z be the shift of a true candidate.  Fitting c instead loses |s|² (1 − cos²)/2 nats,
-cos = |P_c s| / |s|.
+Under the null z is noise.  Drawing the largest gain of any candidate with the same projectors makes the p-value account
+for the number of candidates.  Let s = P z be the shift of a true candidate.  Fitting c instead loses
+|s|² (1 − cos²)/2 nats, cos = |P_c s| / |s|.
 
 Source: C. R. Rao, Proc. Camb. Phil. Soc. 44 (1948), doi 10.1017/S0305004100023987 (score test).
 """
@@ -45,12 +45,12 @@ class Scan:
         return float((1 + np.sum(self.null >= gain)) / (1 + len(self.null)))
 
     def with_one_of(self, other: "Scan", name: str) -> "Scan":
-        """These tests, and that of effect `name` from other ones of the same data."""
+        """These tests, and that of effect `name` from `other` tests of the same data."""
         tests = ("gain", "basis", "shift", "information")
         return replace(self, **{test: getattr(self, test) | {name: getattr(other, test)[name]} for test in tests})
 
     def expected_loss(self, truth: str, other: str) -> float:
-        """Expected loss in nats on this design if `other` is fitted and `truth` is at work."""
+        """Expected loss in nats on this design if `other` is fitted but `truth` acts."""
         shift = self.shift[truth]
         caught = self.basis[other].T @ shift
         return float(0.5 * (shift @ shift - caught @ caught))

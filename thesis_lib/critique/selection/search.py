@@ -2,21 +2,21 @@
 
 1. Every base is fitted and judged by K-fold over training trials; the search starts from the best.
 2. Each step screens all candidates by score tests and quick fits.  The best few are fitted to all data with *all*
-   parameters free, and the best of those are judged by K-fold.  Best is the gain less one nat for each parameter, which
-   is what K-fold will find of it (Akaike 1974, doi:10.1109/TAC.1974.1100705; Stone 1977,
+   parameters free, and the best of those are judged by K-fold.  The ranking is by gain less one nat per parameter, the
+   gain that K-fold is expected to find (Akaike 1974, doi:10.1109/TAC.1974.1100705; Stone 1977,
    doi:10.1111/j.2517-6161.1977.tb01603.x).
 3. An effect enters if its gain exceeds the null of the largest gain, its held-out gain has a 95 % interval above zero,
-   and it lowers a held-out error materially and raises none so.  A gain near the null is corrected by refits to data
-   without the effect.  Bases that take the place of another one raise none, either.
+   and it lowers a held-out error materially and raises none materially.  A gain near the null is corrected by refits to
+   data without the effect.  A base that replaces another one must not raise an error, either.
 4. Then the other bases are tried again, and an earlier effect that is superfluous leaves; it may come back later, once.
-5. Where a model leaves an error, a base of the reserve takes the place of its base if it predicts clearly better than
-   the next effect would.  In space one that leaves no error is taken before any effect is tried.  Where quick fits say
-   that it gains far more than any effect, no effect is judged before it.  Where a step leaves an error, the next best
-   effects are tried with these bases, too; in space also where none enters, and such a step must leave no error.  If
-   an error is left in the end, and few effects were found on the reserve, the search goes on without it from where it
-   was taken; in space, where none of it was taken, from the end with the best of it, as base and effect may only help
-   together.  The better of the two ends counts.
-6. Effects that were found on a simpler base are fitted once more on the reserve, and stay there if it predicts better.
+5. If a model leaves an error, a second-stage base (`reserve`) replaces its base if it predicts clearly better than the
+   next effect would.  In space a base of the reserve that leaves no error is taken before any effect is tried.  If
+   quick fits show that it gains far more than any effect, no effect is judged before it.  If a step leaves an error,
+   the next best effects are tried with these bases, too; in space also if none enters, and such a step must leave no
+   error.  If an error remains in the end, and few effects were found on the reserve, the search resumes without it from
+   the point where it was taken; in space, if it was not taken, it resumes from the end with the best of the reserve,
+   because base and effect may only help together.  The better of the two ends counts.
+6. Effects found on a simpler base are fitted once more on the reserve, and keep that base if it predicts better.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -51,13 +51,13 @@ def search(
     """Choose base and effects on the training trials of `world`.
 
     `rng` draws the folds and seeds the named streams.  `fixed` are effects to switch on, in this order, instead of the
-    automatic choice.  `say` receives a line for each step.
+    automatic choice.  `say` receives one line of text per step.
     """
     return Search(world, settings, rng, say, fixed).run()
 
 
 class Search(Generic[E, F, J]):
-    """A search from the best base on: data, thresholds and what counts as evidence stay fixed."""
+    """A search that starts from the best base; data, thresholds and tests stay fixed."""
 
     def __init__(
         self,
@@ -107,7 +107,7 @@ class Search(Generic[E, F, J]):
         )
 
     def extend(self, path: Path[E, F, J], with_reserve: bool = True) -> Path[E, F, J]:
-        """Add effects to a path as long as one enters; the path."""
+        """Add effects to a path until none enters, and return the path."""
         world, bases, forced = self.world, self.bases, self.fixed is not None
         while not path.ended and len(path.steps) < self.most:
             first = self.reserve_first(path) if with_reserve and not forced and not path.shortlist else None
@@ -120,7 +120,7 @@ class Search(Generic[E, F, J]):
             fitted, judged, number = path.fitted, path.judged, len(path.steps) + 1
             quick, contenders = shortlist.quick, shortlist.contenders
             path.first = path.first or shortlist.best()
-            # a base of the reserve is asked for where the best effect leaves an error, too
+            # a base of the reserve is tried only if the best effect leaves an error, too
             best = next(iter(quick.values()), fitted)
             leaves = with_reserve and not forced and world.leaves_an_error(judged) and bases.leaves_an_error(best)
             step, reserve = None, bases.reserve(fitted) if leaves else []
@@ -143,7 +143,7 @@ class Search(Generic[E, F, J]):
             elif step:
                 step = bases.with_best_base(step)
                 self.say(f"step {number}: {step.effect.name} ({step.gain[0]:.2f} nats an {world.unit})")
-                # a model of the shortlist may do without effects of the path
+                # a model of the shortlist may lack effects of the path
                 on = {e.name for e in step.fitted.effects}
                 path.steps = steps = [*(one for one in path.steps if one.effect.name in on), step]
                 if with_reserve and not forced and world.reserve and world.leaves_an_error(step.judged):
@@ -164,9 +164,9 @@ class Search(Generic[E, F, J]):
         return path
 
     def reserve_first(self, path: Path[E, F, J]) -> tuple[F, J] | None:
-        """A base of the reserve that leaves no error where that of the path does, in a world where it is asked first.
+        """A base of the reserve that leaves no error, unlike that of the path, if the world tries the reserve first.
 
-        An effect may stand in for it, and all of them would be fitted in vain.
+        Otherwise an effect may compensate for the wrong base, and all effects would be fitted in vain.
         """
         world, bases = self.world, self.bases
         if not world.asks_reserve_first or not world.leaves_an_error(path.judged):
@@ -198,7 +198,7 @@ class Search(Generic[E, F, J]):
         return Shortlist(self.quick_fits(contenders, candidates, fitted), contenders, tests, base)
 
     def better_of(self, path: Path[E, F, J], other: Path[E, F, J]) -> Path[E, F, J]:
-        """The path, or another one, taken to its end, if it ends better."""
+        """The path, or `other` continued to its end, if that ends better."""
         self.say(f"on {other.fitted.base} once more, with other effects")
         if other.steps:
             last = other.steps[-1] = self.bases.with_best_base(other.steps[-1])
@@ -209,7 +209,7 @@ class Search(Generic[E, F, J]):
         return other if gain[1] > 0.0 and not errs_more else path
 
     def better_on_reserve(self, path: Path[E, F, J]) -> Path[E, F, J]:
-        """The path, or one from its end on the best base of the reserve, if that ends better."""
+        """The path, or its continuation on the best base of the reserve, if that ends better."""
         if not (reserve := self.bases.reserve(path.fitted)):
             return path
         fitted = self.bases.in_full(max(reserve, key=lambda fit: fit.score))
@@ -218,13 +218,13 @@ class Search(Generic[E, F, J]):
         return self.better_of(path, other)
 
     def refine(self, path: Path[E, F, J], drop: Drop) -> None:
-        """Put a path on the base of the reserve that says the same with fewer approximations, if it predicts better."""
+        """Move a path to the same base with fewer approximations, of the reserve, if that predicts better."""
         other = self.bases.other(self.bases.reserve(path.fitted, refine=True), path.fitted, path.judged)
         if other:
             self.on_other_base(path, other, drop)
 
     def worth_a_fit(self, fitted: F, judged: J, candidates: Sequence[E], tests: Scan) -> list[E]:
-        """Candidates whose score test is large enough, and all that act on what is left."""
+        """Candidates whose score test is large enough, and all that act where an error remains."""
         least, leaves_little = self.least_gain(tests), self.world.leaves_little
         return [e for e in candidates if tests.gain[e.name] >= least or not leaves_little(fitted, judged, e)]
 
@@ -262,8 +262,8 @@ class Search(Generic[E, F, J]):
     def best_step(self, fitted: F, judged: J, shortlist: Shortlist[F]) -> tuple[Step[E, F, J] | None, F | None]:
         """The step that enters, or None with the fit of a significant but immaterial effect.
 
-        The `finalists` come first.  Where none of them enters, what else gains more than chance follows, as many at a
-        time: no number of effects ends a search.
+        The shortlisted candidates (`finalists`) come first.  If none of them enters, the others that gain more than
+        chance follow, as many at a time: the number of candidates does not end a search.
         """
         quick, tests, number = shortlist.quick, shortlist.tests, self.settings.finalists
         gains = {name: self.world.quick_gain(fit, shortlist.contenders) for name, fit in quick.items()}
@@ -273,7 +273,7 @@ class Search(Generic[E, F, J]):
         if self.fixed is None:
             others = [name for name in worth[number:] if tests.p_value(gains[name]) <= self.settings.alpha]
         if shortlist.base and quick:
-            # quick fits are of its limit, which may be far away; slopes are its own
+            # quick fits are of the base's limit, which may be far away; slopes are of the base itself
             best_slope = max(quick, key=lambda name: tests.gain[name])
             misjudged = [name for name, fit in quick.items() if self.world.misjudged(fit.effects[-1])]
             names = list(dict.fromkeys([*names, best_slope, *misjudged]))
@@ -287,7 +287,7 @@ class Search(Generic[E, F, J]):
     def step_among(
         self, names: list[str], fitted: F, judged: J, shortlist: Shortlist[F], quick_gains: Mapping[str, float]
     ) -> tuple[Step[E, F, J] | None, F | None]:
-        """As `best_step`, but only of the candidates `names`; `quick_gains` are those of all candidates."""
+        """As `best_step`, but only among the candidates `names`; `quick_gains`: gains of all candidates."""
         world, settings, forced = self.world, self.settings, self.fixed is not None
         quick, contenders, tests = shortlist.quick, shortlist.contenders, shortlist.tests
         on, gains = [e.name for e in fitted.effects], dict(quick_gains)
@@ -328,14 +328,14 @@ class Search(Generic[E, F, J]):
         return None, below
 
     def near_fit(self, quick: F, fitted: F, base: str | None) -> Asked:
-        """What to fit to be judged; on a `base` of whose limit the quick fit is, from where the model stands."""
+        """Arguments of the fit to judge; with a `base` whose limit was the quick fit, it starts from the model."""
         if base is None:
             return quick.base, quick.effects, quick.values, "near"
         start = quick.values if self.world.turns_bases(quick.effects[-1]) else {**quick.values, **fitted.values}
         return base, quick.effects, start, "near"
 
     def simpler_fits(self, near: Mapping[str, F], quick: Mapping[str, F], fitted: F) -> dict[str, F]:
-        """Fits with effects that the best one is at some of its parameters, from where that one ends, if better."""
+        """Fits with special cases of the best effect, started from the fit with that effect, if better."""
         better = {}
         for name in self.ranked(near, fitted)[:1]:
             for other in (other for other in quick if self.world.includes(name, other)):
@@ -345,17 +345,17 @@ class Search(Generic[E, F, J]):
         return better
 
     def is_simpler_as_good(self, name: str, near: Mapping[str, F]) -> bool:
-        """Whether an effect that this one is at some of its parameters fits as well."""
+        """Whether a special case of an effect fits as well."""
         enough = near[name].score - self.settings.tell_apart
         return any(self.world.includes(name, other) and near[other].score > enough for other in near if other != name)
 
     def is_simpler_enough(self, effect: E, judgements: Mapping[str, J]) -> bool:
-        """Whether an effect that this one is at some of its parameters leaves no error that this one lowers."""
+        """Whether a special case of an effect leaves no error that the effect itself lowers."""
         others = [other for name, other in judgements.items() if self.world.includes(effect.name, name)]
         return any(self.evidence.failure(judgements[effect.name], other, effect) for other in others)
 
     def on_other_base(self, path: Path[E, F, J], other: tuple[F, J], drop: Drop = "immaterial") -> None:
-        """Put a path on another base; what had stood in for it is dropped."""
+        """Move a path to another base, and drop effects that had compensated for the former one."""
         (path.fitted, path.judged), path.ended = other, False
         self.say(f"another base, {path.fitted.base}")
         path.steps[-1:] = [replace(step, fitted=path.fitted, judged=path.judged) for step in path.steps[-1:]]
@@ -364,7 +364,7 @@ class Search(Generic[E, F, J]):
             self.plain[path.fitted.base], path.base = path.fitted, path.fitted.base
 
     def drop_superfluous(self, path: Path[E, F, J], drop: Drop) -> None:
-        """Take away one after the other what a path does not need any more."""
+        """Remove, one after the other, the effects that a path does not need any more."""
         while drop != "none" and path.steps and (name := self.evidence.superfluous(path.steps, path.steps, drop)):
             self.say(f"not needed any more: {name}")
             path.drop(name)

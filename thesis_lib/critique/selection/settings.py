@@ -12,7 +12,7 @@ from thesis_lib.statistics.wording import number
 class SearchSettings(Section):
     """Thresholds of the search; all own choices."""
 
-    held_out_share: float = Field(0.3, gt=0, lt=1, description="share of trials that no choice sees")
+    held_out_share: float = Field(0.3, gt=0, lt=1, description="share of trials that are used for no choice")
     folds: int = Field(5, ge=2, description="K of the K-fold over training trials")
     max_effects: int | None = Field(
         None,
@@ -20,30 +20,30 @@ class SearchSettings(Section):
         description="effects in one model; null: 4, in space 12, where hits are so precise that small causes show",
     )
     finalists: int = Field(
-        5, ge=1, description="candidates that are fitted in full at once; others follow if none enters"
+        5, ge=1, description="shortlisted candidates, fitted in full at once; others follow if none enters"
     )
-    alpha: float = Field(0.01, gt=0, lt=1, description="level of the null that counts the candidates tried")
+    alpha: float = Field(0.01, gt=0, lt=1, description="significance level; the null counts all candidates tried")
     material_share: float = Field(0.05, ge=0, description="least fall of a held-out error, over that error")
     material_floor: float = Field(0.25, ge=0, description="least fall of a held-out error, over the noise floor")
     confirmed: float = Field(
         0.5,
         ge=0,
         le=1,
-        description="share of that fall that unseen trials must show: an effect that just matters shows less than all "
-        "of it in half of all splits",
+        description="share of that fall that held-out trials must show: an effect that just matters shows less than "
+        "all of it in half of all splits",
     )
     tell_apart: float = Field(3.0, gt=0, description="nats in total below which two effects cannot be told apart")
     worth_a_fit: float = Field(
         0.5,
         ge=0,
         le=1,
-        description="least score test of a fitted candidate, over the significant one: slopes rank badly",
+        description="least gain of a fitted candidate by score test, over the significant gain: slopes rank badly",
     )
     finalist_gain: float = Field(
-        0.3, ge=0, le=1, description="least quick gain of a finalist, over the best: full fits seldom turn so much"
+        0.3, ge=0, le=1, description="least quick gain of a finalist, over the best: full fits seldom change more"
     )
     rivalled: int = Field(
-        8, ge=1, description="candidates tried with rival bases too, the best by quick fits: each costs a fit a base"
+        8, ge=1, description="candidates tried with rival bases too, the best by quick fits: each costs a fit per base"
     )
     judged: int = Field(
         3, ge=1, description="finalists judged by K-fold first; the others if none enters: each costs K fits"
@@ -54,27 +54,27 @@ class SearchSettings(Section):
     far_beyond: float = Field(
         3.0,
         ge=1,
-        description="gain over the largest of the null beyond which no refits correct it: they stretch it less",
+        description="gain over the largest of the null beyond which refits are not needed: they stretch the null less",
     )
     far_better: float = Field(
         1.2,
         ge=1,
         description="quick gain of a base of the reserve over that of the best effect at which it is judged first: the "
-        "effect may only stand in for it",
+        "effect may only compensate for the wrong base",
     )
     runners_up: int = Field(
         3,
         ge=1,
-        description="effects tried with bases of the reserve where the best leaves an error: each costs slow fits",
+        description="effects tried with bases of the reserve if the best one leaves an error: each costs slow fits",
     )
     enough_on_reserve: int = Field(
         4,
         ge=1,
-        description="effects found on a base of the reserve with which the search does not go back to where it took "
-        "that: it stood in for none of them",
+        description="least number of effects found on a base of the reserve with which the search does not go back to "
+        "where it took that base: it compensated for none of them",
     )
     nearly: float = Field(
-        0.8, ge=0, le=1, description="least quick gain of a runner-up, over the best: the wrong base may turn that much"
+        0.8, ge=0, le=1, description="least quick gain of a runner-up, over the best: a wrong base may cost that much"
     )
 
     def matters(self, before: float, after: float, floor: float) -> bool:
@@ -93,14 +93,14 @@ class SearchSettings(Section):
 
 
 def search_ended(search: Mapping, section: str) -> list[str]:
-    """At which setting a search ended although more may be found; `search`: that of diagnosis.json, [] if at none.
+    """Sentence on the setting at which a search ended although more may be found; `search`: as in diagnosis.json.
 
-    `section` of the configuration holds the settings.
+    [] if there is no such setting.  `section` of the configuration contains the settings.
     """
     if search["limit"] is None:
         return []
     name, value = search["limit"], search["value"]
     return [
         f"The search ended at {name} = {value}, although a further effect would still gain more than chance; "
-        f"{section}.{name} of the configuration, {name} of the settings in Python, allows more."
+        f"{section}.{name} in the configuration, or {name} of the settings in Python, allows more."
     ]

@@ -1,7 +1,7 @@
-"""Interface between the search and a world.
+"""Interface between the search and a world, its statistical problem.
 
 A *world* is the data of some trials and the models that may explain them.  A model is a base (a contact law, or the
-believed equations of motion) with effects in order.  docs/architecture.md lists the implementations.
+assumed equations of motion) with effects in order.  docs/architecture.md lists the implementations.
 """
 
 from abc import ABC, abstractmethod
@@ -35,7 +35,7 @@ class FittedModel(Protocol):
 
 
 class HeldOutScores(Protocol):
-    """How well a fitted model predicts data that it was not fitted to.
+    """Scores of a fitted model on data that it was not fitted to.
 
     `trials`: their numbers, ascending.  `units`: impacts or windows; gains are reported per unit.  `total`, `by_trial`:
     log score in nats of all, and of each of `trials`.
@@ -61,7 +61,7 @@ J = TypeVar("J", bound=HeldOutScores)
 
 @dataclass(frozen=True)
 class Slopes:
-    """A fitted model to first order.
+    """A fitted model, linearised.
 
     Attributes:
         residual: (N,) whitened.
@@ -102,11 +102,11 @@ class World(ABC, Generic[E, F, J]):
     Attributes:
         candidates: effects that these data can test, by name; not_testable: name -> why not.
         bases: names of the models without effects, of which the best is chosen.
-        reserve: further bases, slow to fit, tried where a model leaves an error, chosen where clearly better.
-        most_effects: in one model, unless the settings say how many.
-        asks_reserve_first: whether one of these that leaves no error is taken before any effect is tried.
-        forgives_rungs: whether an error that an effect raises on its rung of the ladder counts only if the final model
-            has it still: one cause of several may move errors until all are in.
+        reserve: second-stage bases, slow to fit, tried if a model leaves an error, chosen if clearly better.
+        most_effects: largest number of effects in one model, unless the settings give one.
+        asks_reserve_first: whether a base of the reserve that leaves no error is taken before any effect is tried.
+        forgives_rungs: whether an error that an effect raises when it is added counts only if the final model still
+            has it: one cause of several may move errors until all are in the model.
         rivals: number of bases tried with the first effect; without it the wrong base may fit best.
         trials: numbers of the trials, ascending.
         unit: "impact" or "window".
@@ -133,8 +133,8 @@ class World(ABC, Generic[E, F, J]):
     ) -> F:
         """Fit all parameters to these data, from `start` where it has them.
 
-        A "quick" fit ranks, and may take a part of the data; a "near" one is near enough to be compared, and is
-        repeated in "full" if it is chosen.
+        A "quick" fit is for ranking, and may use a part of the data; a "near" one is accurate enough for comparisons,
+        and is repeated in "full" if it is chosen.
         """
 
     def fits(self, asked: Sequence[Asked]) -> list[F]:
@@ -166,23 +166,23 @@ class World(ABC, Generic[E, F, J]):
         return False
 
     def reserve_fits(self, fitted: F, refine: bool = False) -> list[F]:
-        """Quick fits, with the effects of `fitted`, of those of the reserve that may explain an error that is left.
+        """Quick fits, with the effects of `fitted`, of the bases of the reserve that may explain a remaining error.
 
-        All of them for a fit that has one.  To `refine` a fit that leaves none: that which says the same with the
-        fewest approximations.
+        All of them if `fitted` has such a base already.  To `refine` a fit that leaves no error: the base that is the
+        same with the fewest approximations.
         """
         return []
 
     def errs_more(self, judged: J, than: J, settings: SearchSettings) -> bool:
-        """Whether any error of a model is larger than another one's by an amount that matters, whatever they score."""
+        """Whether any error of a model exceeds another model's by an amount that matters, whatever their log scores."""
         return False
 
     def is_vetoed(self, judged: J, than: J, settings: SearchSettings) -> bool:
-        """Whether the model with an effect errs more than that without it where no other effect could mend it."""
+        """Whether the model with an effect errs more than without it, in a way that no other effect could correct."""
         return self.errs_more(judged, than, settings)
 
     def acting_on(self, judged: J, than: J, settings: SearchSettings) -> list[E]:
-        """Candidates that change nothing but errors that are larger than another model's by an amount that matters."""
+        """Candidates that change only those errors that exceed another model's by an amount that matters."""
         return []
 
     def leaves_little(self, fitted: F, judged: J, candidate: E) -> bool:
@@ -202,7 +202,7 @@ class World(ABC, Generic[E, F, J]):
         return False
 
     def includes(self, candidate: str, other: str) -> bool:
-        """Whether a candidate is the other one at some of its parameters, and so no alternative to it."""
+        """Whether `other` is a special case of a candidate, which then is not an alternative to it."""
         return False
 
     def start_with(self, fitted: F, candidate: E) -> Mapping[str, Any]:

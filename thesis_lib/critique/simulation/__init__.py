@@ -1,1 +1,1 @@
-"""A model with its effects acting in a simulator."""
+"""Simulation with a fitted model and its effects."""

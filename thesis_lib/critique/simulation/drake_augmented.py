@@ -1,14 +1,14 @@
-"""An augmented model in a Drake simulation: Drake integrates the flight, the model resolves each touch.
+"""An augmented model in a Drake simulation: Drake integrates the flight, the model resolves each impact.
 
-Drake's MultibodyPlant holds the free body (`simulate/drake/plant.py`).  A system evaluates the model at every stage of
-the integrator and applies its flight effects as a force f = M (a(q, v) − g).  Drake stops where the model's gap
-vanishes, and goes on with the velocity that the model predicts:
+Drake's MultibodyPlant contains the free body (`simulate/drake/plant.py`).  A system evaluates the model at every stage
+of the integrator and applies its flight effects as a force f = M (a(q, v) − g).  Drake stops where the model's gap
+vanishes, and continues with the velocity that the model predicts:
 
     M v̇ = M g + f     between touches,        v⁺ = predict(q, v⁻)     where φ_n(q) − gap(q, v⁻) = 0
 
-Here q, v (3,) are the true pose and velocity, and φ_n is the gap of the believed shape in m.  A contact that takes
-time goes from touch to its end as in our own simulator (`law_drops`).  The record holds the state as the model's
-camera, with its faults, sees it.
+Here q, v (3,) are the true pose and velocity, and φ_n is the gap of the believed shape in m.  A contact of finite
+duration is treated from touch to end as in our own simulator (`law_drops`).  The record contains the state as
+measured by the model's camera, with its faults.
 
 Source: R. Tedrake and the Drake development team, Drake, https://drake.mit.edu (LeafSystem, MultibodyPlant).
 """
@@ -29,7 +29,7 @@ from thesis_lib.simulate.rig.hidden_causes import CompliantContact, HiddenCauses
 FLIGHT_STEP = 1e-3  # s
 ACCURACY = 1e-6  # relative, of Drake's error control
 SAY_EVERY = 10  # drops
-MAX_TOUCHES = 50  # of one drop; its impacts are slower than REST, and its record ends, before that
+MAX_TOUCHES = 50  # of one drop; its impacts become slower than REST, which ends the record, before that
 
 
 def drake_poses(
@@ -40,7 +40,7 @@ def drake_poses(
     rate: float,
     say: Callable[[str], None] = lambda text: None,
 ) -> np.ndarray:
-    """Poses as `own_poses`, of drops that Drake flies and a model resolves the touches of.
+    """Return poses as `own_poses` does, from Drake for the flights and from the model for the impacts.
 
     `say` receives the number of finished drops.
     """
@@ -54,7 +54,7 @@ def drake_poses(
 
 
 class _Air(LeafSystem):
-    """Force of the model's flight effects on the plant, M (a − g), from its state."""
+    """Force of the model's flight effects on the plant, M (a − g), as a function of its state."""
 
     def __init__(self, dynamics: Dynamics, trial: list[int]) -> None:
         super().__init__()
@@ -71,10 +71,10 @@ class _Air(LeafSystem):
 
 
 class _Drops:
-    """Drake's simulator of the free body, and the model that acts on it."""
+    """Drake's simulator of the free body, with the model that acts on it."""
 
     def __init__(self, dynamics: Dynamics) -> None:
-        # faults of the camera act on the record only
+        # faults of the camera affect only the record
         self.camera, self.inner = camera_and_body(dynamics)
         self.rig = self.inner.rig
         self._trial = [0]
@@ -85,17 +85,17 @@ class _Drops:
         self.clock = Clock(plant, FLIGHT_STEP, ACCURACY)
 
     def run(self, trial: int, q: np.ndarray, v: np.ndarray, samples: np.ndarray, poses: np.ndarray) -> None:
-        """One drop as the camera sees it, into `poses` (s, 3) at `samples` (s,) in s; NaN where it has ended."""
+        """Write one drop as the camera sees it into `poses` (s, 3) at `samples` (s,) in s; NaN after its end."""
         self._trial[0], t = trial, 0.0
 
         def gap(q: np.ndarray, t: np.ndarray) -> np.ndarray:
-            # no effect depends on the velocity in flight here: the gap is a function of pose
+            # no effect on the gap depends on velocity in flight here: the gap is a function of the pose
             return self.inner.gap(_state(q, np.zeros_like(q), t, trial))
 
         for _ in range(MAX_TOUCHES):
             times, q_path, v_path, landed = fly(self.clock, gap, t, q, v, samples[samples > t + 1e-12])
             seen = (samples >= t - 1e-12) & (samples <= times[-1] + 1e-12)
-            # Drake stops at every sample, so that its log holds them
+            # Drake stops at every sample, so its log contains all samples
             at = np.abs(times[:, None] - samples[seen]).argmin(axis=0)
             poses[seen] = self._seen(_state(q_path[at], v_path[at], samples[seen], trial))
             if not landed:
@@ -117,7 +117,7 @@ class _Drops:
                 break
 
     def _seen(self, true: State) -> np.ndarray:
-        """Poses (n, 3) that the camera reports."""
+        """Return the poses (n, 3) that the camera reports."""
         return self.camera.to_measured(true).q
 
 

@@ -1,15 +1,15 @@
-"""How tosses in space begin: the state that a model's flight and camera fit to the frames before the first touch.
+"""Initial states of tosses in space, fitted with the model's flight and camera to the frames before the first touch.
 
-    r_k(s) = (pose that the camera reports at t_k less the measured one) / σ        Σ |r_k|² is least at s
-    cov(s) = (Jᵀ J)⁻¹,   J = ∂r/∂s                                                  σ: what such fits leave
+    r_k(s) = (pose that the camera reports at t_k minus the measured pose) / σ      s minimises Σ |r_k|²
+    cov(s) = (Jᵀ J)⁻¹,   J = ∂r/∂s                                                  σ: residual of such fits
 
 | on paper | in code | unit             | shape       |                                                        |
 |----------|---------|------------------|-------------|--------------------------------------------------------|
 | s        | `state` |                  | (n,) bodies | measured, at the first frame of the flight             |
-| cov(s)   | `cov`   | of both columns  | (n, 12, 12) | change of place, turn (axes of the surface), velocity, spin |
-| σ        | `noise` | m, rad           | (2,)        | of a coordinate, of a component of a turn              |
+| cov(s)   | `cov`   | of both columns  | (n, 12, 12) | for position, rotation (axes of the surface), velocity, spin |
+| σ        | `noise` | m, rad           | (2,)        | of one coordinate, of one component of a rotation      |
 
-Gauss and Newton's steps start from a parabola and from free turning (`thesis_lib/datasets/flights/beside_hits.py`).
+Gauss-Newton steps start from a parabola and a torque-free rotation (`thesis_lib/datasets/flights/beside_hits.py`).
 """
 
 from collections.abc import Sequence
@@ -29,23 +29,23 @@ from thesis_lib.foundation.errors import UserError
 from thesis_lib.mechanics.space import SPACE
 from thesis_lib.mechanics.state import State
 
-FEWEST = 6  # frames of a first flight
-LOW = 0.05  # extents of the body above the surface: there a wrong size or height may make it touch
-AT_ONCE = 3  # frames that give the motion at the stored first one
-STEPS = np.repeat([1e-5, 1e-4, 1e-3, 1e-2], 3)  # m, rad, m/s, rad/s: of the derivatives
+FEWEST = 6  # smallest number of frames of a first flight
+LOW = 0.05  # body extents above the surface; below, the body may touch if its size or the height is wrong
+AT_ONCE = 3  # number of frames that determine the motion at the stored first frame
+STEPS = np.repeat([1e-5, 1e-4, 1e-3, 1e-2], 3)  # m, rad, m/s, rad/s: steps of the finite differences
 ROUNDS = 5
-USUAL = np.array([3e-4, 3e-3])  # m, rad: the noise with which a fit starts
+USUAL = np.array([3e-4, 3e-3])  # m, rad: initial noise of a fit
 
 
 @dataclass(frozen=True, eq=False)
 class MeasuredTosses:
-    """n measured tosses at k frames from the first flight on, with the last frame of shorter ones repeated.
+    """n measured tosses at k frames from the first flight on; the last frame of shorter tosses is repeated.
 
     Attributes:
-        states: poses (k n,) of the believed body in the frame of the surface, first those of all at their first frame.
+        states: poses (k n,) of the believed body in the frame of the surface, frame by frame for all bodies.
         times: (k, n) s since the first frame.
-        seen: (k, n) whether there is such a frame.
-        flight: (n,) frames of the first flight.
+        seen: (k, n) whether the frame was recorded.
+        flight: (n,) number of frames of the first flight.
     """
 
     states: State
@@ -55,10 +55,10 @@ class MeasuredTosses:
 
     @classmethod
     def of(cls, dataset: Dataset, model: SavedSpaceModel, trials: Sequence[int] | np.ndarray) -> "MeasuredTosses":
-        """The tosses of these trials whose first flight is seen.
+        """Return the tosses of these trials whose first flight is recorded.
 
         Raises:
-            UserError: there is none.
+            UserError: no first flight is recorded.
         """
         table = dataset.trajectories
         assert table is not None
@@ -73,7 +73,7 @@ class MeasuredTosses:
                 flights.append(end - first)
         if not rows:
             raise UserError(
-                f"No first flight of {FEWEST} frames is seen in {dataset.name}: a toss must begin in free flight, more "
+                f"No first flight of {FEWEST} frames is seen in {dataset.name}: tosses must begin in free flight, more "
                 f"than {LOW * rig.shape.extent:.2g} m above the surface."
             )
         most = max(map(len, rows))
@@ -85,7 +85,7 @@ class MeasuredTosses:
         return cls(padded, times, seen, np.array(flights))
 
     def bound(self, model: SavedSpaceModel) -> ByImpulse:
-        """Dynamics of the model for bodies that turn as these have."""
+        """Return the dynamics of the model for bodies that rotate as in these tosses."""
         k, n = self.times.shape
         whole = self.states.select(np.arange(k * n).reshape(k, n).T[self.seen.T])
         recorded = WholeTosses.of(whole, np.zeros(0), np.zeros(0))
@@ -94,14 +94,14 @@ class MeasuredTosses:
 
 @dataclass(frozen=True, eq=False)
 class Start:
-    """Measured states and their covariance; see the module's table."""
+    """Initial states as measured, with their covariance; see the table of this module."""
 
     state: State
     cov: np.ndarray
     noise: np.ndarray
 
     def drawn(self, rng: np.random.Generator) -> State:
-        """States that may be as well."""
+        """Draw states from the distribution of the initial states."""
         value, axes = np.linalg.eigh(self.cov)
         change = np.einsum(
             "nij,nj->ni", axes * np.sqrt(np.maximum(value, 0.0))[:, None], rng.standard_normal(value.shape)
@@ -110,19 +110,19 @@ class Start:
 
 
 def first_flight(dynamics: ByImpulse, tosses: MeasuredTosses) -> Start:
-    """The states at the first frames by all frames of the first flights."""
+    """Return the states at the first frames, from all frames of the first flights."""
     return _fit(dynamics, tosses, tosses.flight, None)
 
 
 def first_frame(dynamics: ByImpulse, tosses: MeasuredTosses) -> Start:
-    """The stored poses of the first frames, with the motion of `AT_ONCE` frames and the noise of the first flights."""
+    """Return the stored poses of the first frames, with motion from `AT_ONCE` frames and noise of the first flights."""
     noise = first_flight(dynamics, tosses).noise
     start = _fit(dynamics, tosses, np.full(len(tosses.flight), AT_ONCE), noise)
     return replace(start, state=start.state.with_pose(tosses.states.pose[:, : len(tosses.flight)]))
 
 
 def _first_flight(states: State, rig) -> tuple[int, int]:
-    """First frame and end of the first flight of a toss, well above the surface; 0, 0 if there is none."""
+    """Return first frame and end of the first flight of a toss, well above the surface; 0, 0 without such a flight."""
     if len(states) < 10:
         return 0, 0
     down = np.array([0.0, 0.0, -1.0]) if rig.down is None else rig.down
@@ -137,14 +137,14 @@ def _first_flight(states: State, rig) -> tuple[int, int]:
 
 
 def _fit(dynamics: ByImpulse, tosses: MeasuredTosses, frames: np.ndarray, noise: np.ndarray | None) -> Start:
-    """The states by the first `frames` (n,) of each toss, with what they leave as noise where it is None."""
+    """Return states from the first `frames` (n,) of each toss; `noise` None: estimated from the residuals."""
     n, W = len(frames), int(frames.max())
     used, times = np.arange(W)[:, None] < frames, tosses.times[:W]
     measured = tosses.states.select(slice(W * n))
     state, known = _begun(dynamics, measured, times, used), noise is not None
     sigma = noise if noise is not None else USUAL
     dof = np.maximum(3.0 * frames - 6.0, 1.0)
-    moves = np.repeat(np.vstack([np.zeros(12), np.diag(STEPS)])[:, None], n, axis=1)  # none first
+    moves = np.repeat(np.vstack([np.zeros(12), np.diag(STEPS)])[:, None], n, axis=1)  # the first is 0
     for _ in range(ROUNDS):
         copies = State.joined([state.shifted(*np.split(step, 2, axis=1)) for step in moves])
         flown = _flown(dynamics, copies, np.tile(times, 13)).pose.reshape(7, W, 13, n)
@@ -162,7 +162,7 @@ def _fit(dynamics: ByImpulse, tosses: MeasuredTosses, frames: np.ndarray, noise:
 
 
 def _begun(dynamics: ByImpulse, measured: State, times: np.ndarray, used: np.ndarray) -> State:
-    """A parabola under gravity, and free turning as measured."""
+    """Return starting values: a parabola under gravity, and torque-free rotation as measured."""
     W, n = times.shape
     rig, weight = dynamics.rig, used / used.sum(axis=0)
     attitude = np.moveaxis(measured.attitude.reshape(4, W, n), 0, -1).swapaxes(0, 1)
@@ -176,7 +176,7 @@ def _begun(dynamics: ByImpulse, measured: State, times: np.ndarray, used: np.nda
 
 
 def _flown(dynamics: ByImpulse, start: State, times: np.ndarray) -> State:
-    """States (W n,) that the camera reports of flights from measured states, at times (W, n) in s after them."""
+    """Return the states (W n,) that the camera reports in flight from measured states, at times (W, n) in s after."""
     path = [dynamics.to_true(start)]
     for h in np.diff(times, axis=0):
         path.append(dynamics.flown(path[-1], h))

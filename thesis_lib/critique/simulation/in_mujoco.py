@@ -1,11 +1,11 @@
-"""Whole tosses in an MJCF file of a user's own: a body over the plane of the file, thrown as measured tosses were.
+"""Whole tosses in a user's MJCF file: a body over the plane of the file is tossed from measured initial states.
 
-The frame of the body is that of the shape, and the plane is the surface as the model knows it.  Axes along the surface
-are those of `Frame.of_surface`, with the x axis of the file in place of that of the recording.  A hit is a frame in
-which the velocity of the centre of mass changes by more than `REST` beside gravity.
+The body must have the frame of the shape; the plane is the surface of the model.  Axes along the surface follow from
+`Frame.of_surface`, with the x axis of the file instead of the recording.  A hit is a frame in which the velocity of the
+centre of mass changes by more than `REST`, apart from gravity.
 """
 
-# MuJoCo's stubs do not have what its compiled modules define
+# MuJoCo's type stubs lack the names that its compiled modules define
 # pyright: reportAttributeAccessIssue=false
 
 from dataclasses import replace
@@ -27,10 +27,10 @@ STRAIGHT = np.array([1.0, 0.0, 0.0, 0.0])
 
 
 class TossesInFile:
-    """The body of this name in an MJCF file, which stands for that of a model."""
+    """A named body in an MJCF file, which represents the body of a model."""
 
     def __init__(self, path: str | Path, body: str, model: SavedSpaceModel) -> None:
-        """UserError if MuJoCo cannot read the file, or if the body is not free, or not over one plane."""
+        """UserError if MuJoCo cannot read the file, if the body is not free, or if there is not exactly one plane."""
         try:
             self.engine = mujoco.MjModel.from_xml_path(str(path))
         except ValueError as error:
@@ -39,11 +39,11 @@ class TossesInFile:
         joint = self.engine.body_jntadr[number] if number > 0 else -1
         if joint < 0 or self.engine.jnt_type[joint] != mujoco.mjtJoint.mjJNT_FREE:
             raise UserError(
-                f"{path}: there is no body {body!r} with a free joint; --body names the one that is tossed."
+                f"{path}: there is no body {body!r} with a free joint; name the body that is tossed with --body."
             )
         planes = np.flatnonzero(self.engine.geom_type == mujoco.mjtGeom.mjGEOM_PLANE)
         if len(planes) != 1:
-            raise UserError(f"{path} has {len(planes)} planes; it needs one, which is the table.")
+            raise UserError(f"{path} has {len(planes)} planes; it needs exactly one, the table.")
         self.path, self.model, self.inside = path, model, self.engine.body_ipos[number].copy()
         at, of = self.engine.jnt_qposadr[joint], self.engine.jnt_dofadr[joint]
         self.pose, self.motion = slice(at, at + 7), slice(of, of + 6)
@@ -54,7 +54,7 @@ class TossesInFile:
         self.surface = replace(table, origin=table.origin - table.vectors_out(believed)[:, 0])
 
     def toss(self, dynamics: ByImpulse, start: State, times: np.ndarray) -> Tosses:
-        """As `tosses.toss`; UserError if the simulation gets unstable."""
+        """Simulate tosses as `tosses.toss` does; UserError if the simulation becomes unstable."""
         centre, step = self.model.rig.body.centre, self.engine.opt.timestep
         begun = self.surface.shown(on_body(start, -centre, STRAIGHT))
         data, (k, n) = mujoco.MjData(self.engine), times.shape
@@ -72,7 +72,7 @@ class TossesInFile:
                 hits[j, i] = np.linalg.norm(now - before - steps * step * self.engine.opt.gravity) > REST
                 before, pose[:, j, i], motion[:, j, i] = now, data.qpos[self.pose], data.qvel[self.motion]
             if any(warning.number for warning in data.warning):
-                raise UserError(f"{self.path}: the simulation gets unstable; give it a smaller timestep.")
+                raise UserError(f"{self.path}: the simulation becomes unstable; use a smaller timestep.")
         pose, motion = pose.reshape(7, -1), motion.reshape(6, -1)
         motion[3:] = SPACE.turned(pose[3:], motion[3:])
         pose = SPACE.shift(pose, (times.ravel() - (times.ravel() / step).astype(int) * step) * motion)
@@ -81,6 +81,6 @@ class TossesInFile:
         return Tosses(true, hits.cumsum(axis=0), np.zeros(n, bool))
 
     def _momentum(self, data: mujoco.MjData) -> np.ndarray:
-        """Velocity (3,) in m/s of the centre of mass."""
+        """Return the velocity (3,) in m/s of the centre of mass."""
         velocity, spin = np.split(data.qvel[self.motion], 2)
         return velocity + SPACE.turned(data.qpos[self.pose][3:, None], np.cross(spin, self.inside)[:, None])[:, 0]

@@ -1,11 +1,11 @@
-"""Drops whose impacts follow a given law with given effects: source "law" of the proof.
+"""Simulated drops whose impacts follow a given law with given effects: source "law" of the proof.
 
 The midpoint rule integrates flights with the model's acceleration, in quarters of the sampling period.  An impact is
-located within its step where the model's gap vanishes; the model resolves it.  The model also maps the true state to
-what the camera reports.  So an effect acts at every stage that it declares.
+located within its step where the model's gap vanishes; the model resolves this impact.  The model also maps the true
+state to the state that the camera reports.  So an effect acts at every stage that it declares.
 
-A contact that takes time goes from touch to its end as `episodes.contact` says.  In between the model knows no path;
-the record has the cubic that joins poses and velocities of both ends, which sinks in as a body does.
+A contact of finite duration is treated from touch to end by `episodes.contact`.  The model has no path in between; the
+record contains the cubic through the poses and velocities at both ends, which penetrates the surface as a body does.
 """
 
 from collections.abc import Callable, Mapping
@@ -32,7 +32,7 @@ Poses = Callable[[Dynamics, np.ndarray, np.ndarray, int, float], np.ndarray]  # 
 
 @dataclass(frozen=True)
 class MeasuredReleases:
-    """True poses q, height above the surface, and velocities v (m, 3): each once in order, then with replacement."""
+    """True poses q, with height above the surface, and velocities v (m, 3); drawn in order, then with replacement."""
 
     q: np.ndarray
     v: np.ndarray
@@ -58,9 +58,9 @@ def simulate_law_drops(
     reference: Reference = ORIGIN,
     poses: Poses | None = None,
 ) -> Dataset:
-    """Trajectories of n drops, numbered from 0, as a camera records them; gravity in m/s², duration in s, rate in Hz.
+    """Simulate n drops, numbered from 0, as a camera records them; gravity in m/s², duration in s, rate in Hz.
 
-    The effects count from `reference`.  `poses` are those of `own_poses`, or of another simulator.
+    Effects are relative to `reference`.  `poses` is the simulator: `own_poses` (default), or another.
     """
     rig = Rig(body.shape, body.radius_of_gyration, gravity, 0.0, reference=reference)
     release_rng, noise_rng = rng.spawn(2)
@@ -70,7 +70,7 @@ def simulate_law_drops(
 
 
 def own_poses(dynamics: Dynamics, q: np.ndarray, v: np.ndarray, samples: int, rate: float) -> np.ndarray:
-    """Poses (n, samples, 3) that a camera sees of drops released at q, v (n, 3) over y = 0; NaN after a drop's end."""
+    """Return camera poses (n, samples, 3) of drops released at q, v (n, 3) over y = 0; NaN after the end of a drop."""
     camera, inner = camera_and_body(dynamics)
     n = len(q)
     touch = state = State.of(q, v, np.arange(n), np.zeros(n))
@@ -86,14 +86,14 @@ def own_poses(dynamics: Dynamics, q: np.ndarray, v: np.ndarray, samples: int, ra
 
 
 def camera_and_body(dynamics: Dynamics) -> tuple[ByImpulse, ByImpulse]:
-    """With measurement effects only, and with all others and contacts that last as long."""
+    """Return the dynamics with measurement effects only, and with all other effects and the same contact times."""
     camera, body = dynamics.model.camera_and_body()
     body = replace(body, takes_time=dynamics.model.takes_time)
     return bind(camera, dynamics.values, dynamics.rig), bind(body, dynamics.values, dynamics.rig)
 
 
 def between(touch: State, end: State, t: np.ndarray | float) -> State:
-    """States at times t (n,) in s: within a contact on the cubic from touch to end, else `end`."""
+    """Return the states at times t (n,) in s: within a contact on the cubic from touch to end, otherwise `end`."""
     rows = np.flatnonzero(end.t > t + _NOW)
     if not len(rows):
         return end
@@ -101,7 +101,7 @@ def between(touch: State, end: State, t: np.ndarray | float) -> State:
 
 
 def on_cubic(touch: State, end: State, t: np.ndarray) -> State:
-    """States at times t (n,) in s on the cubic that joins poses and motions at both ends, in any space.
+    """Return the states at times t (n,) in s on the cubic through poses and motions at both ends, in any space.
 
     With u = (t − t_0)/T and d the change of the pose from q_0 to q_1,
 
@@ -115,20 +115,20 @@ def on_cubic(touch: State, end: State, t: np.ndarray) -> State:
 
 
 def _fly(dynamics: Dynamics, s: State, h: np.ndarray) -> State:
-    """Midpoint rule over times h (n,) in s."""
+    """Integrate the flight by the midpoint rule over times h (n,) in s."""
     half = s.flown(dynamics.acceleration(s), 0.5 * h)
     return s.flown(dynamics.acceleration(half), h)
 
 
 def _step(dynamics: ByImpulse, touch: State, s: State, t: float, h: float, alive: np.ndarray) -> tuple[State, State]:
-    """The last touches, and the states after one step of h seconds to t for all drops, later within a contact.
+    """Return the last touches, and the states of all drops after one step of h s to t, or at the end of a contact.
 
     `alive` (n,) is cleared for drops that come to rest.
     """
     remaining = np.full(len(s.x), h)
     if dynamics.model.takes_time:
         remaining = np.where(s.t > t - h + _NOW, np.maximum(t - s.t, 0.0), h)
-    for _ in range(3):  # impacts of one body within a millisecond
+    for _ in range(3):  # up to three impacts of one body within a millisecond
         end = _fly(dynamics, s, remaining)
         hits = alive & (dynamics.gap(end) < 0.0) & (remaining > 0.0)
         if not hits.any():

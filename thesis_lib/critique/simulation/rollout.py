@@ -1,19 +1,19 @@
-"""Whole tosses as a model predicts them from how they begin, against measured ones: the numbers of the field.
+"""Errors of whole tosses that a model predicts from their initial states, in the error measures of the literature.
 
-With Δp and Δθ between predicted and measured pose of a frame, w the body's width (mean over its axes) and h = w/2:
+Δp and Δθ are the differences of predicted and measured pose in a frame, w the mean width of the body, and h = w/2:
 
-| group       | key                     | of a toss                                              | over tosses  |
+| group       | key                     | for one toss                                           | over tosses  |
 |-------------|-------------------------|--------------------------------------------------------|--------------|
 | contactnets | pos_int_percent         | mean of abs(Δp) / w, %                                 | mean         |
 |             | angle_int_deg           | mean of abs(Δθ), degrees                               | mean         |
-|             | penetration_int_percent | mean of how deep the predicted sharp body is sunk / w, % | mean       |
-| acosta      | loss, median            | mean of abs(Δp)² / h + mean of Δθ², from `BEFORE`      | mean, median |
-|             |                         | frames before it may touch on                          |              |
+|             | penetration_int_percent | mean penetration depth of the predicted sharp body / w, % | mean      |
+| acosta      | loss, median            | mean of abs(Δp)² / h + mean of Δθ², starting `BEFORE`  | mean, median |
+|             |                         | frames before the first possible touch                 |              |
 | benchmark   | position_m, angle_rad   | means of abs(Δp) and abs(Δθ)                           | mean         |
-| final_face  | share                   | the same face is down at the end                       | mean         |
+| final_face  | share                   | 1 if the same face is down at the end, else 0          | mean         |
 
-The floor is the same of two draws of what the first flights leave open, simulated by the model: an error of the initial
-state alone.  Intervals of 95 % resample tosses.
+The floor is the same error between two simulations by the model, from initial states drawn within the uncertainty of
+the first flights: the error due to the initial state alone.  95 % intervals are by resampling of tosses.
 
 Sources: S. Pfrommer, M. Halm and M. Posa, ContactNets, arXiv:2009.11193; B. Acosta, W. Yang and M. Posa, Validating
 robotics simulators on real-world impacts, arXiv:2110.00541.
@@ -47,13 +47,13 @@ Moves = Callable[[ByImpulse, State, np.ndarray], Tosses]  # as `toss`
 STARTS = {"first_flight": first_flight, "first_frame": first_frame}
 BEFORE = 3  # frames
 DRAWS = 2000
-BIN = 0.02  # s of a point of the curve against time
-FEWEST = 3  # tosses of such a point
+BIN = 0.02  # s, bin width of the curve against time
+FEWEST = 3  # smallest number of tosses in a bin
 
 
 @dataclass(frozen=True)
 class Rollout:
-    """Errors of predicted tosses (`of_frames`) and those of the floor, by frame and by toss."""
+    """Errors of predicted tosses (`of_frames`) and of the floor, by frame and by toss."""
 
     frames: pd.DataFrame
     floor_frames: pd.DataFrame
@@ -61,12 +61,12 @@ class Rollout:
     floor: pd.DataFrame
 
     def content(self, start: str, rng: np.random.Generator) -> dict:
-        """The groups of numbers, with the floor in the same form."""
+        """Return the groups of error measures, with the floor in the same form."""
         floor = {"floor": summary(self.floor, start, rng)}
         return six_digits(summary(self.tosses, start, rng) | floor)
 
     def curve(self, by: str) -> pd.DataFrame:
-        """Mean errors and their 95 % intervals of the model and of the floor, by "t" (s) or by "hits"."""
+        """Return mean errors of model and floor with 95 % intervals, by "t" (s) or by "hits"."""
         rows = []
         for what, frames in (("model", self.frames), ("floor", self.floor_frames)):
             bins = np.round(frames["t"] / BIN) * BIN if by == "t" else frames["hits"]
@@ -88,10 +88,10 @@ def roll_out(
     start: str = "first_flight",
     say: Callable[[str], None] = lambda text: None,
 ) -> Rollout:
-    """The tosses of these trials as the model predicts them from their `start`, one of `STARTS`.
+    """Predict the tosses of these trials with the model from their `start`, one of `STARTS`.
 
     Raises:
-        UserError: no first flight is seen.
+        UserError: no first flight is recorded.
     """
     measured, dynamics, begun = _begun(model, dataset, trials, start, say)
     paths = []
@@ -113,10 +113,10 @@ def rolled_out_by(
     start: str = "first_flight",
     say: Callable[[str], None] = lambda text: None,
 ) -> pd.DataFrame:
-    """The numbers of each toss where something else `moves` the body from the states in which the model has it begin.
+    """Return the error measures of each toss if the simulator `moves` starts from the initial states of the model.
 
     Raises:
-        UserError: as of `roll_out`, and what `moves` raises.
+        UserError: as for `roll_out`, and errors of `moves`.
     """
     measured, dynamics, begun = _begun(model, dataset, trials, start, say)
     say("simulating")
@@ -126,7 +126,7 @@ def rolled_out_by(
 def missed(
     model: SavedSpaceModel, dynamics: ByImpulse, start: State, measured: MeasuredTosses, moves: Moves = toss
 ) -> pd.DataFrame:
-    """The numbers of each toss that begins in the measured states `start`."""
+    """Return the error measures of each toss that begins in the measured states `start`."""
     tosses = moves(dynamics, dynamics.to_true(start), measured.times)
     path = reported(dynamics, tosses)
     return of_tosses(model, of_frames(model, path, measured.states, measured.times, measured.seen, tosses.hits))
@@ -144,8 +144,8 @@ def _begun(
 def of_frames(
     model: SavedSpaceModel, predicted: State, measured: State, times: np.ndarray, seen: np.ndarray, hits: np.ndarray
 ) -> pd.DataFrame:
-    """A row for each frame that is `seen`, by toss and time: trial, t (s), hits, place (m), turn (rad), depth (m) of
-    the predicted body, `low` (whether the measured one may touch), and `face`, whether the same one is down."""
+    """Return one row for each frame that is `seen`, by toss and time: trial, t (s), hits, place (m), turn (rad), depth
+    (m) of the predicted body, `low` (whether the measured body may touch), `face` (whether the same face is down)."""
     off = SPACE.difference(predicted.pose, measured.pose)
     shape = model.rig.body.solid
     sharp = (shape.rounded(0.0) if isinstance(shape, Edged) else shape).about(model.rig.body.centre)
@@ -164,7 +164,7 @@ def of_frames(
 
 
 def of_tosses(model: SavedSpaceModel, frames: pd.DataFrame) -> pd.DataFrame:
-    """The numbers of the module's table for each toss, a row by trial."""
+    """Return the error measures in the table of this module for each toss, one row per trial."""
     w, rows = width(model), {}
     for trial, of in frames.groupby("trial"):
         place, turn = of["place"].to_numpy(), of["turn"].to_numpy()
@@ -184,7 +184,7 @@ def of_tosses(model: SavedSpaceModel, frames: pd.DataFrame) -> pd.DataFrame:
 
 
 def summary(tosses: pd.DataFrame, start: str, rng: np.random.Generator) -> dict:
-    """Means (of "median" the median) over tosses by group, each with n, interval and start; of no value None."""
+    """Return means (median for "median") over tosses by group, each with n, interval and start; None without values."""
     content = {}
     for group, keys in GROUPS.items():
         values = tosses[list(keys)].dropna()
@@ -199,17 +199,17 @@ def summary(tosses: pd.DataFrame, start: str, rng: np.random.Generator) -> dict:
 
 
 def compared(first: pd.DataFrame, second: pd.DataFrame, start: str, rng: np.random.Generator) -> dict:
-    """`summary` of the differences of two models on the same tosses, first less second."""
+    """Return the `summary` of the differences of two models on the same tosses, first minus second."""
     return six_digits(summary(first - second.reindex(first.index), start, rng))
 
 
 def width(model: SavedSpaceModel) -> float:
-    """Mean width in m of the body along its axes."""
+    """Return the mean width in m of the body along its axes."""
     ends = [model.rig.body.solid.support(sign * np.eye(3)) for sign in (1.0, -1.0)]
     return float(np.trace(ends[0] - ends[1]) / 3.0)
 
 
 def face_down(model: SavedSpaceModel, state: State) -> np.ndarray:
-    """Number (n,) of the flat face, or of the axis of a smooth body, that looks down the most."""
+    """Return the index (n,) of the flat face, or of the axis of a smooth body, that points down most."""
     down = SPACE.turned_back(state.attitude, np.array([[0.0], [0.0], [-1.0]]))
     return (model.rig.body.solid.faces @ down).argmax(axis=0)

@@ -1,6 +1,6 @@
-"""Tosses of a saved model in space, as its camera reports them.
+"""Tosses in space simulated with a saved model, as its camera reports them.
 
-They begin in given states, as those of a dataset (`first_flight`), or as those of the proof
+They begin in given states, in the states of a dataset (`first_flight`), or in states drawn as for the proof
 (`thesis_lib/simulate/tosses/world.py`).  Scatter beyond noise is not drawn.
 """
 
@@ -39,18 +39,18 @@ def simulate_in_space(
     rng: np.random.Generator,
     say: Callable[[str], None] = lambda text: None,
 ) -> Dataset:
-    """Trajectories of tosses, numbered from 0.
+    """Simulate tosses, numbered from 0, and return their trajectories.
 
     Args:
-        n: number of tosses; None: 60, or all that `like` shows.
-        states: trial, pose of the tracked frame and its motion (`V_IN_SPACE`), one toss a row, as measured; without
-            noise.
-        like: dataset whose first flights, noise, rate and duration are taken.
+        n: number of tosses; None: 60, or all first flights recorded in `like`.
+        states: trial, pose of the tracked frame and its motion (`V_IN_SPACE`), one row per toss, as measured; no
+            noise is then added.
+        like: dataset from which first flights, noise, rate and duration are taken.
         duration: s.
-        noise: position in m, rotation in rad; of own releases.
+        noise: position in m, rotation in rad; only without `states` and `like`.
 
     Raises:
-        UserError: columns are missing or no numbers, or `like` shows no first flight.
+        UserError: columns are missing or not numeric, or `like` has no first flight.
     """
     dynamics, trials, rate = model.dynamics, None, RATE
     if states is not None:
@@ -88,19 +88,19 @@ def simulate_in_space(
 
 
 def given(states: pd.DataFrame) -> dict[str, np.ndarray]:
-    """The columns of given states; velocities may have the names that impacts.csv has for those before an impact."""
+    """Return the columns of given states; velocities may have the names of pre-impact velocities in impacts.csv."""
     states = states.rename(columns=dict(zip(V_PRE_IN_SPACE, V_IN_SPACE)))
     states = states if "trial" in states else states.assign(trial=np.arange(len(states)))
     needed = ("trial", *POSE_IN_SPACE, *V_IN_SPACE)
     if missing := [name for name in needed if name not in states]:
-        raise UserError(f"The states lack the column(s) {', '.join(missing)}; needed are {', '.join(needed)}.")
+        raise UserError(f"The states lack the column(s) {', '.join(missing)}; required are {', '.join(needed)}.")
     numbers = states[list(needed)].apply(pd.to_numeric, errors="coerce")
     if bad := [name for name in needed if not np.isfinite(numbers[name]).all()]:
         raise UserError(
-            f"The column(s) {', '.join(bad)} of the states have cells that are empty or not finite numbers."
+            f"The column(s) {', '.join(bad)} of the states have cells that are empty or not a finite number."
         )
     if not len(numbers) or numbers["trial"].duplicated().any():
-        raise UserError("The states must hold one row for each toss, with a number of its own in trial.")
+        raise UserError("The states must have one row for each toss, with a different number in trial.")
     columns = {name: numbers[name].to_numpy(float) for name in needed} | {"t": np.zeros(len(numbers))}
     q = np.stack([columns[name] for name in POSE_IN_SPACE[3:]])
     columns |= dict(zip(POSE_IN_SPACE[3:], q / np.linalg.norm(q, axis=0)))
@@ -108,7 +108,7 @@ def given(states: pd.DataFrame) -> dict[str, np.ndarray]:
 
 
 def header_of(model: SavedSpaceModel, more: dict) -> SpaceHeader:
-    """dataset.yaml of the body and rig that the model believes in."""
+    """Return the dataset.yaml of the body and experimental set-up that the model assumes."""
     rig = model.rig.model_dump(mode="json", by_alias=True, exclude=NOT_OF_THE_RIG | {"reference", "mesh_sha256"})
     rig["body"]["shape"] = model.rig.body.shape
     return SpaceHeader.model_validate(rig | more)

@@ -1,10 +1,10 @@
-"""Simulate drops of a saved model: law, effects and rig of a model.json.
+"""Simulate drops with a saved model: law, effects and experimental set-up (rig) of a model.json.
 
-Two engines resolve every touch with the model and fly with its acceleration: `law_drops` and Drake
+Two engines resolve every impact with the model and use its acceleration in flight: `law_drops` and Drake
 (`drake_augmented`).  Equal releases give equal paths in both.  Scatter beyond noise is not drawn.
 
-Releases are those of the proof or of a dataset.  The latter are the states before the first impact of each trial,
-traced back to the first sample t_0, or without trajectories (impacts.csv) to v_y = 0, with the model's measured
+Releases are drawn as for the proof, or taken from a dataset.  The latter are the states before the first impact of each
+trial, traced back to the first sample t_0, or without trajectories (impacts.csv) to v_y = 0, with the model's
 acceleration in flight a (m, 3):
 
     q_0 = q − v T + a T²/2,    v_0 = v − a T,    T = t_c − t_0   or   |v_y| / g
@@ -33,7 +33,7 @@ ENGINES = ("own", "drake")
 RATE = 250.0  # Hz
 DURATION = 0.6  # s, for releases of the proof under 9.81 m/s²
 AFTER_FALL = 0.3  # s, recorded after the longest fall if no trajectories give a duration
-CLEAR = 0.01  # m, least height of the lowest point at release
+CLEAR = 0.01  # m, smallest height of the lowest point at release
 
 
 def simulate_model(
@@ -45,17 +45,17 @@ def simulate_model(
     rng: np.random.Generator,
     say: Callable[[str], None] = lambda text: None,
 ) -> Dataset:
-    """Trajectories of drops simulated with a saved model.
+    """Simulate drops with a saved model, and return their trajectories.
 
     Args:
         n: number of drops; None: 50, or one for each release of `like`.
         engine: "own" or "drake".
-        like: dataset whose releases, noise, rate and duration replace those of the proof.
+        like: dataset whose releases, noise, rate and duration replace the values of the proof.
         rng: equal streams give equal releases and noise in both engines.
         say: receives a line for each step.
 
     Raises:
-        UserError: n is not positive, the engine is unknown or not installed, or `like` shows no release.
+        UserError: n is not positive, the engine is unknown or not installed, or `like` contains no release.
     """
     if n is not None and n < 1:
         raise UserError(f"The number of drops must be 1 or more, got {n}.")
@@ -99,7 +99,7 @@ def simulate_model(
 
 
 def proof_releases(model: SavedModel) -> Release:
-    """Releases of the proof, lifted if the body is too large for their lowest height."""
+    """Return the releases of the proof, raised if the body is too large for their lowest height."""
     height = PROOF_RELEASE.height
     lift = max(0.0, model.rig.shape.extent + CLEAR - height.low)
     lifted = height.model_copy(update={"low": height.low + lift, "high": height.high + lift})
@@ -107,7 +107,7 @@ def proof_releases(model: SavedModel) -> Release:
 
 
 def measured_releases(model: SavedModel, like: Dataset, observations: Observations) -> tuple[MeasuredReleases, float]:
-    """Releases of a dataset, and the duration to record in s; UserError if no trial shows one above the surface."""
+    """Return releases of a dataset and the duration in s to record; UserError if no release is above the surface."""
     o = observations
     first = np.flatnonzero(o.impact == 0)
     here = Comparison(model.model, model.values, o)
@@ -128,15 +128,15 @@ def measured_releases(model: SavedModel, like: Dataset, observations: Observatio
     good = np.isfinite(above) & (model.rig.shape.gap(above, true.theta) > 0.0)
     if not good.any():
         raise UserError(
-            f"{like.name} shows no release above the surface ({len(first)} first impacts were found): leave --like "
-            "out, or give a dataset whose trials begin in free fall with a body of this size."
+            f"{like.name} contains no release above the surface ({len(first)} first impacts were found): omit --like, "
+            "or give a dataset whose trials begin in free fall with a body of this size."
         )
     q = np.stack([true.x, above, true.theta], axis=1)[good]
     return MeasuredReleases(q, true.v[good]), duration
 
 
 def _noise(like: Dataset, observations: Observations) -> Noise:
-    """Noise of a sample: position in m, angle in rad."""
+    """Return the noise of a sample: position in m, angle in rad."""
     if observations.arcs:
         used = observations.found.noise.used
         return Noise(position=float(used[:2].mean()), angle=float(used[2]))

@@ -1,11 +1,11 @@
-"""Parameters of a model in space fitted to whole tosses, as simulators are often tuned, instead of to hits.
+"""Fit parameters of a model in space to whole tosses, as simulators are often tuned, instead of to hits.
 
-    least over p of the mean over tosses of  L(p) = mean of abs(Δp) / w + mean of abs(Δθ)
+    minimise over p the mean over tosses of  L(p) = mean of abs(Δp) / w + mean of abs(Δθ)
 
-with the errors Δp, Δθ and the width w of `thesis_lib/critique/simulation/rollout.py`.  Our choice: squares, as in the
-loss of Acosta, Yang and Posa, let few tosses decide.  One bounce decides the next, so that L jumps where a toss tips
-over another edge: Nelder and Mead's search, which needs no derivative, begins at the values of the model.  How each
-toss begins is fitted anew for every p that its flight depends on.
+with the errors Δp, Δθ and the width w of `thesis_lib/critique/simulation/rollout.py`.  Absolute values are our choice:
+with squares, as in the loss of Acosta, Yang and Posa, few tosses dominate.  Each bounce determines the next, so L jumps
+where a toss tips over another edge.  The Nelder-Mead search needs no derivatives; it starts at the values of the model.
+If p affects the flight, the initial state of each toss is fitted again for every p.
 """
 
 from collections.abc import Callable, Sequence
@@ -20,9 +20,9 @@ from thesis_lib.datasets.format.dataset import Dataset
 from thesis_lib.effects import EFFECTS
 from thesis_lib.foundation.errors import UserError
 
-STEP = 1.0  # of the size of a parameter that would matter: the first step
-MOST = 40  # evaluations for each parameter
-CLOSE = 0.01  # of a first step: the simplex at which the search ends
+STEP = 1.0  # first step, as a multiple of the size of a parameter that matters
+MOST = 40  # largest number of evaluations per parameter
+CLOSE = 0.01  # size of the simplex at which the search ends, as a multiple of the first step
 OF_CONTACTS = ("contact_law", "surface")  # families of effects that do not act in flight
 
 
@@ -34,13 +34,13 @@ def fit_to_tosses(
     start: str = "first_flight",
     say: Callable[[str], None] = lambda text: None,
 ) -> tuple[SavedSpaceModel, bool]:
-    """The model with the parameters `names` as these tosses have them, to be judged on others; and whether the search
-    came to its end within `MOST` evaluations for each.
+    """Return the model with the parameters `names` fitted to these tosses, to be judged on others; and whether the
+    search converged within `MOST` evaluations per parameter.
 
-    Standard errors of these parameters are not known afterwards.  Values with which a toss has no solution are none.
+    These parameters then have no standard errors.  Values for which a toss has no solution are rejected.
 
     Raises:
-        UserError: the model has no such parameter, or no first flight is seen.
+        UserError: the model has no such parameter, or no first flight is recorded.
     """
     known = {name: p for name, p in model.model.fitted_parameters.items() if name in model.parameters}
     if unknown := [name for name in names if name not in known]:
@@ -76,6 +76,6 @@ def fit_to_tosses(
 
 
 def with_values(model: SavedSpaceModel, values: dict[str, float]) -> SavedSpaceModel:
-    """The model with other values of some parameters, whose errors are unknown."""
+    """Return the model with other values of some parameters, without standard errors."""
     changed = {name: SavedParameter(value=value, unit=model.parameters[name].unit) for name, value in values.items()}
     return model.model_copy(update={"parameters": {**model.parameters, **changed}})

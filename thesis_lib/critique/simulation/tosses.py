@@ -1,11 +1,11 @@
-"""Whole tosses in space by a model: flights, hits at corners, edges and faces, sliding, and rest, from frame to frame.
+"""Simulation of whole tosses in space with a model: flights, hits at corners, edges and faces, sliding, and rest.
 
-Flights and hits are those of episodes (`thesis_lib/critique/contacts/episodes.py`), where the law acts at one contact
-point after the other.  Where no sequence of impacts describes what happens, all points press at once with springs, as
-there: in hits slower than `REST`, in more than `MOST_HITS` a frame, and in all contacts that are integrated.  In hits
-slower than `REST` the surface supports the body, with the friction of `sliding_friction` if the model has it.  A
-contact that is not over at a frame goes on from the surface.  A body rests that stays within `STILL` for `STAYS`.
-Within a contact that takes time a frame shows the cubic that joins the states at its ends.
+Flights and hits are computed as in episodes (`thesis_lib/critique/contacts/episodes.py`): the law acts at one contact
+point after another.  If no sequence of impacts describes the contact, springs act at all points at the same time, also
+as in episodes: in hits slower than `REST`, with more than `MOST_HITS` hits per frame, and in all contacts that are
+integrated.  In hits slower than `REST` the surface supports the body, with the friction of `sliding_friction` if the
+model has this effect.  A contact that continues at a frame is resumed at the surface.  A body that stays within `STILL`
+for `STAYS` is at rest.  In a contact of finite duration, frames lie on the cubic through the states at its ends.
 """
 
 from dataclasses import dataclass, replace
@@ -21,9 +21,9 @@ from thesis_lib.mechanics.space import SPACE
 from thesis_lib.mechanics.state import State
 
 SLIDING = "sliding_friction.mu_s"
-PRESSING = 1e-3  # s, a central contact of a law that takes no time, where it has to press
-STILL, STAYS = 1e-4, 0.03  # m of the centre and of the body's farthest point, s
-EVER = 10**9  # hits of a toss
+PRESSING = 1e-3  # s, duration of a central contact for spring contact if the law itself has none
+STILL, STAYS = 1e-4, 0.03  # m, for the centre and the body's farthest point; s
+EVER = 10**9  # limit on the hits of a toss: none
 
 
 @dataclass(frozen=True)
@@ -31,9 +31,9 @@ class Tosses:
     """n tosses at k instants.
 
     Attributes:
-        true: the states (k n,), first those of all bodies at their first instant.
-        hits: (k, n) faster than `REST` until then.
-        rests: (n,) bodies that have come to rest.
+        true: states (k n,), instant by instant for all bodies.
+        hits: (k, n) number of hits faster than `REST` so far.
+        rests: (n,) whether each body has come to rest.
     """
 
     true: State
@@ -42,7 +42,7 @@ class Tosses:
 
 
 def toss(dynamics: ByImpulse, start: State, times: np.ndarray) -> Tosses:
-    """The tosses of n bodies from true states `start` on, at times (k, n) in s after it, which do not fall."""
+    """Simulate n bodies from true states `start`, at non-decreasing times (k, n) in s after the start."""
     played = _Toss(_able_to_press(dynamics, start), start)
     states, hits = [], []
     for t in times:
@@ -52,7 +52,7 @@ def toss(dynamics: ByImpulse, start: State, times: np.ndarray) -> Tosses:
 
 
 def reported(dynamics: Dynamics, tosses: Tosses) -> State:
-    """Measured states of true ones, which may depend on all that the body has turned since the first."""
+    """Return the measured states of true states; they may depend on the total rotation since the first state."""
     true, n = tosses.true, tosses.hits.shape[1]
     if "rotation_scale.s_R" in dynamics.values:
         by_toss = np.arange(len(true)).reshape(-1, n).T.ravel()
@@ -63,7 +63,7 @@ def reported(dynamics: Dynamics, tosses: Tosses) -> State:
 
 
 def _able_to_press(dynamics: ByImpulse, start: State) -> ByImpulse:
-    """The dynamics with a contact time to press with, and with first touches that nobody has seen yet."""
+    """Return the dynamics with a contact time for spring contacts, and with no first touch recorded yet."""
     n = len(start)
     order = np.argsort(start.trial)
     none = WholeTosses(start.trial[order], np.zeros(n), np.zeros((3, n)), np.full(n, np.inf))
@@ -72,13 +72,13 @@ def _able_to_press(dynamics: ByImpulse, start: State) -> ByImpulse:
 
 
 class _Toss(Played):
-    """Bodies from frame to frame, which start above the surface or on it."""
+    """Bodies that are simulated from frame to frame, starting above the surface or on it."""
 
     def __init__(self, dynamics: ByImpulse, start: State) -> None:
         n = len(start)
         super().__init__(dynamics, start, np.zeros(n), EVER, touches=True)
         self.rests, self.struck, self.before = np.zeros(n, bool), np.zeros(n, int), np.zeros(n, int)
-        self.there, self.since = self.motion.copy(), np.zeros(n)  # where a body was when it last moved
+        self.there, self.since = self.motion.copy(), np.zeros(n)  # state and time at which a body last moved
         self.order = np.argsort(np.argsort(start.trial))
         self.striking, values = dynamics, dynamics.values
         self.supported = (
@@ -86,7 +86,7 @@ class _Toss(Played):
         )
 
     def at(self, t: np.ndarray) -> State:
-        """The states at times t (n,) in s, later than all before."""
+        """Return the states at times t (n,) in s, which must not decrease from call to call."""
         self.span, self.before = np.asarray(t, float), self.hits.copy()
         rows = np.flatnonzero(~self.rests)
         while len(rows := rows[self.t[rows] < self.span[rows] - _NOW]):
@@ -103,7 +103,7 @@ class _Toss(Played):
         return State(now.pose, now.motion, now.trial, self.start.t + t, now.surface, now.space)
 
     def _settle(self) -> None:
-        """Find the bodies that have not moved for long, and stop them."""
+        """Find the bodies that have not moved for `STAYS`, and stop them."""
         poses = SPACE.poses
         moved = SPACE.difference(self.motion[:, :poses].T, self.there[:, :poses].T)
         moved[3:] *= self.dynamics.rig.shape.extent

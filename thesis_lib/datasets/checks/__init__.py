@@ -1,1 +1,1 @@
-"""Do the units, signs and shape of a dataset agree?  Heuristics that must not misfire on real drops."""
+"""Are the units, signs and shape of a dataset consistent?  Heuristics that must not misfire on real drops."""

@@ -3,15 +3,15 @@
 Angles are judged by physics, not by size: θ is continuous, so 20 rad is as good a value as 0.2.  Degrees read as
 radians are 57 times too large.  Each of these reveals them (k is the radius of gyration):
 
-- steps of more than 1.5 turns between samples: a camera cannot see them, and a wrapped radian angle jumps by one turn
-  at most.  A single sample that jumps out and back is a glitch of the tracker, whatever the units;
+- steps of more than 1.5 turns between samples: a camera cannot resolve them, and a wrapped radian angle jumps by one
+  turn at most.  A single sample that jumps out and back is a glitch of the tracker, whatever the units;
 - a median k|ω| above 10 times the median speed, which makes the rotational energy 100 times the translational energy,
   unless hits change the spin as friction would in radians;
-- k|ω| above the speed, and a body that is inside the surface at the angles in the file but not if they are degrees;
+- k|ω| above the speed, and a body that is inside the surface at the angles as given, but not if read as degrees;
 - hits that change the spin far more than a contact at the rim can: without a couple k² |Δω| ≤ R |Δv|, R the extent.
 
-The third test is blind where the angle moves no contact point (a disk).  There, a warning is given if k|ω| exceeds the
-speed, or if the angle noise at the rim far exceeds the position noise.
+The third test decides nothing if the contact point does not depend on the angle (a disk).  A warning is then given if
+k|ω| exceeds the speed, or if the angle noise at the rim far exceeds the position noise.
 """
 
 import numpy as np
@@ -24,15 +24,15 @@ from thesis_lib.datasets.format.validate import UsableRows
 
 BLIND_STEP = 3.0 * np.pi  # rad between samples: a true step below π plus a wrap of one turn
 BLIND_MEDIAN = 5  # samples on either side of a step, up to two of them glitches
-ELSEWHERE = 3.0  # times nearly the largest step of the position, which is then no motion of the body
+ELSEWHERE = 3.0  # times the 99 % quantile of position steps: a larger step is not a motion of the body
 MIN_BLIND_STEPS = 3  # one or two may be glitches of a tracker
 SPIN_SURE = 10.0  # k|ω| over speed; dice throws have 0.25 (2.7 at most), a spun coin about 5
 SPIN_FAST = 1.0  # m/s of k|ω|; below it both medians may be tracker noise of a body at rest
 SPIN_LIKELY = 1.0  # k|ω| over speed; in degrees, dice throws have 14
-HIT = 0.5  # m/s between steps, beyond gravity, that only a hit makes ...
+HIT = 0.5  # m/s between steps, beyond gravity, that only a hit causes ...
 CLEAR_HIT = 8.0  # ... if it is so many times the median
 BEYOND = 2.5  # k² |Δω| over R |Δv|: at most 1; dice throws and simulated drops have 0.1 to 0.3, in degrees 6 to 17
-RUBS = 0.05  # of the same: friction that radians explain, so that the body spins as fast as it seems to
+RUBS = 0.05  # of the same ratio: from here on, friction explains the spin in radians, and the body really spins
 RIM_NOISE = 5.0  # k σ_θ over σ of positions; markers at the rim give 1, degrees 57
 BURIED = 0.5  # smallest half-widths; a centre that stays below is inside the surface at any angle
 DEEP = 0.1  # penetration in extents that no tracker error explains ...
@@ -40,7 +40,7 @@ DEEP_SHARE = 0.05  # ... if it happens this often
 
 
 def check_degrees(table: UsableRows, samples: Samples, speeds: dict, noise: np.ndarray, body: KnownBody) -> None:
-    """Report angles in degrees and bodies deep inside the surface, as warnings if the data do not decide.
+    """Report angles in degrees and bodies deep inside the surface, as warnings if the data are not conclusive.
 
     `speeds` are |Δx|/Δt, |Δy|/Δt (m/s) and |Δθ|/Δt (rad/s) of all steps, by name; `noise` (3,) is in m, m, rad.
     """
@@ -73,7 +73,7 @@ def check_degrees(table: UsableRows, samples: Samples, speeds: dict, noise: np.n
     inside = _share_inside(shape, body.height, y, theta, 2.5 * DEEP)
     gap = shape.gap(y, theta, body.height)
     if inside > DEEP_SHARE and not lasting_contacts(samples, gap, float(noise[1]), body.gravity):
-        remedy = "check surface.height, the shape (in m), and that theta is counter-clockwise and 0 where the shape is "
+        remedy = "check surface.height, the shape (in m), and that theta is counter-clockwise, and 0 for the shape "
         what = f"the body is deep inside the surface in {inside:.0%} of the rows"
         table.warn("columns y and theta", what, remedy + "as drawn")
 
@@ -81,7 +81,7 @@ def check_degrees(table: UsableRows, samples: Samples, speeds: dict, noise: np.n
 def _doubt_degrees_of_a_disk(
     table: UsableRows, theta: np.ndarray, speed: float, spin: float, noise: np.ndarray, k_g: float
 ) -> None:
-    """Warn of degrees where no contact can decide; `speed` and `spin` = k|ω| are medians in m/s."""
+    """Warn of angles that may be degrees if no contact can decide; `speed` and `spin` = k|ω| are medians in m/s."""
     position, rim = float(np.max(noise[:2])), k_g * noise[2]
     why = []
     if spin > max(SPIN_FAST, SPIN_LIKELY * speed) and speed > 0.0:
@@ -91,14 +91,14 @@ def _doubt_degrees_of_a_disk(
         why.append(f"theta scatters by {noise[2]:.2g} rad, at the rim {times}")
     if why:
         what = f"may be in degrees ({theta.min():.4g} to {theta.max():.4g}; {'; '.join(why)})"
-        remedy = f"{RADIANS}; nothing, if it is in radians and the body spins fast or its angle is hard to measure"
-        table.warn("column theta", f"{what}; the contact of a round body cannot tell", remedy)
+        remedy = f"{RADIANS}; no change if it is in radians, and the body spins fast or its angle is hard to measure"
+        table.warn("column theta", f"{what}; the contacts of a round body cannot decide", remedy)
 
 
 def _blind_steps(samples: Samples) -> int:
-    """Number of steps of θ too large for a camera, except steps to and from samples that jump out and back.
+    """Number of steps of θ that are too large for a camera, without steps to and from samples that jump out and back.
 
-    Where the position jumps, too, another motion begins, and the step is none.
+    A step at which the position jumps, too, begins another motion and does not count.
     """
     n, run, theta = BLIND_MEDIAN, samples.run, samples.q[:, 2]
     if len(theta) < 2 * n:

@@ -1,8 +1,8 @@
 """Releases that are not independent: equal, cut, resampled, mirrored or moved copies of one recording.
 
-A split that puts one copy into training and another into the held-out part is none.  Heights above the surface stay
-what they are when a release is moved over it, mirrored or turned about its normal, and a copy shares the noise of its
-original, which no second release does.  Heights are compared from the hardest kick of each release on:
+If one copy is used for training and another is held out, the two parts are not independent.  Heights above the surface
+do not change when a release is moved along it, mirrored or turned about its normal; and a copy shares the noise of its
+original, unlike any second release.  Heights are compared around the strongest kick of each release:
 
     d = min over δ of |h_i(s) − h_j(s + δ) − const|,    a copy if the typical d is below `SHARED` σ
 
@@ -16,14 +16,14 @@ import numpy as np
 from thesis_lib.datasets.format.validate import first_of
 from thesis_lib.statistics.spread import MAD_TO_STD
 
-BEFORE, AFTER, STEPS = 12, 48, 61  # samples beside the kick by which heights are alike, and points among them
+BEFORE, AFTER, STEPS = 12, 48, 61  # samples compared before and after the kick, and points of a common grid
 COARSE = 20.0  # σ, and
 NEAR = 3e-3  # m: heights that differ by more on a common grid are not copies
-KICK = 0.5  # m/s
-SHARED = 0.8  # σ; a copy on the same stamps differs by rounding, one between them by part of its noise
+KICK = 0.5  # m/s, smallest upward kick
+SHARED = 0.8  # σ; a copy at the same times differs by rounding, one at times between them by part of the noise
 MOVES = 30.0  # σ by which heights must vary in the window: bodies at rest are all alike
-ROUNDS = 3  # steps to the shift in time
-FLOOR = 1e-7  # m
+ROUNDS = 3  # iterations for the shift in time
+FLOOR = 1e-7  # m, least noise
 
 
 def copies_text(pairs: Sequence[tuple[int, int]]) -> str:
@@ -34,7 +34,7 @@ def copies_text(pairs: Sequence[tuple[int, int]]) -> str:
 
 
 def copied_releases(trial: np.ndarray, t: np.ndarray, height: np.ndarray) -> list[tuple[int, int]]:
-    """Pairs of a trial and its copy, by heights (n,) in m along the normal at times (n,) in s, by trial and time."""
+    """Pairs of a trial and its copy, from heights (n,) in m along the normal at times (n,) in s, by trial and time."""
     numbers, first = np.unique(trial, return_index=True)
     ends = [*first[1:], len(t)]
     kicked = [(number, t[a:b], height[a:b], _kick(t[a:b], height[a:b])) for number, a, b in zip(numbers, first, ends)]
@@ -58,17 +58,17 @@ def copied_releases(trial: np.ndarray, t: np.ndarray, height: np.ndarray) -> lis
 
 
 def _kick(t: np.ndarray, height: np.ndarray) -> int:
-    """Number of the sample at the hardest kick upwards; 0 of a release that is too short, or has none."""
+    """Index of the sample at the strongest upward kick; 0 for a release that is too short or has no kick."""
     if len(t) < BEFORE + AFTER + 2:
         return 0
     slope = np.diff(height) / np.diff(t)
-    jump = slope[2:] - slope[:-2]  # over two samples, so that a kick between two stamps counts whole
+    jump = slope[2:] - slope[:-2]  # over two samples, so that a kick between two samples counts fully
     at = int(np.argmax(jump[BEFORE - 2 : len(t) - AFTER - 2])) + BEFORE
     return at if jump[at - 2] > KICK else 0  # parabolas alone are all alike
 
 
 def _apart(one: tuple[np.ndarray, np.ndarray], other: tuple[np.ndarray, np.ndarray]) -> float:
-    """d in m of two releases, by their median: beside the kick an interpolated copy is off by more."""
+    """Distance d in m of two releases, a robust median: near the kick an interpolated copy is off by more."""
     (s, h), (s_other, h_other) = one, other
     slope, shift, size = np.gradient(h_other, s_other), 0.0, np.inf
     for _ in range(ROUNDS):

@@ -1,8 +1,8 @@
-"""Does the gap at impact change along the surface?  Then the surface slopes in the picture, or it is bent.
+"""Trend of the gap at impact along the surface, which shows that the surface slopes in the picture, or is bent.
 
-The gap of the believed shape at an impact, against the place x_c of the contact point, is a line b x_c where the
-picture is turned against the surface by atan b, and a parabola where the surface is bent or the lens distorts.  Fits
-are robust; what is reported must stand out of the scatter and matter beside it.
+The gap of the believed shape at an impact, against the position x_c of the contact point, is a line b x_c if the
+picture is rotated against the surface by atan b, and a parabola if the surface is bent or the lens distorts.  Fits are
+robust; a trend is reported if it is significant and not small beside the scatter.
 """
 
 from dataclasses import dataclass
@@ -16,18 +16,18 @@ CLEARLY = 8.0  # standard errors of the slope, or of the curvature
 MATTERS = 1.0  # spread of the line over that of the gaps about it
 LEAST = 20  # impacts
 TURNS = 4  # fits; each turns the body by the angle found, which moves its contact points
-STEEP = 0.17  # rad, 10 degrees: beyond it the surface is a ramp, and no camera that was set up carelessly
+STEEP = 0.17  # rad, 10 degrees: beyond it the surface is a ramp, not the error of a camera set up by eye
 MOSTLY = 0.5  # of the variance of the gaps: soft contacts of 20 drops reach 0.27 by chance, lenses of 0.5 % 0.55
-GRID = 50  # places at which a curve is searched for its highest
+GRID = 50  # points at which the maximum of a curve is searched
 TRIMMED = 3.0  # robust standard deviations
 
 
 @dataclass(frozen=True)
 class GapLine:
-    """How the gap changes along the surface: `angle` in rad, or `curvature` in 1/m; the one that is not reported is 0.
+    """Trend of the gap along the surface: `angle` in rad or `curvature` in 1/m; the one that is not reported is 0.
 
-    `place` (2,) in m is a point of the surface, `share` (0 to 1) what the curve explains of the variance of the gaps;
-    `tangent` is the slope of a bent surface at `place`.
+    `place` (2,) in m is a point of the surface, `share` (0 to 1) the share of the variance of the gaps that the curve
+    explains; `tangent` is the slope of a bent surface at `place`.
     """
 
     angle: float
@@ -38,7 +38,7 @@ class GapLine:
 
     @property
     def normal(self) -> tuple[float, float]:
-        """Of the surface in the picture."""
+        """Unit normal of the surface in the picture."""
         return -float(np.sin(self.angle)), float(np.cos(self.angle))
 
     def gap(self, shape: Shape, q: np.ndarray) -> np.ndarray:
@@ -49,27 +49,27 @@ class GapLine:
         return shape.gap((q[:, :2] - self.place) @ np.array(self.normal), q[:, 2] - self.angle)
 
     def said(self) -> str:
-        """Message on what is wrong."""
+        """Message on the trend."""
         if self.curvature:
             return (
                 f"Along x the gap at impact is a parabola: the surface seems to be bent, with a radius of "
-                f"{1.0 / abs(self.curvature):.2g} m, {'a hollow' if self.curvature > 0.0 else 'a hump'}, or the lens "
+                f"{1.0 / abs(self.curvature):.2g} m ({'a hollow' if self.curvature > 0.0 else 'a hump'}), or the lens "
                 "distorts."
             )
         degrees = np.degrees(self.angle)
         way = f"{'rises' if degrees > 0.0 else 'falls'} by {abs(degrees):.2g} degrees along +x"
-        return f"At the impacts the gap is a line along x: in the picture the surface {way} ({self.share:.1%} of it)."
+        return f"The gap at impact is a line along x: in the picture the surface {way} (R² = {self.share:.1%})."
 
     def remedy(self) -> str:
-        """Message on what to do."""
+        """Advice on what to do about the trend."""
         if self.curvature:
-            return "The critique tells these apart (curved_surface, lens)."
+            return "The critique distinguishes these causes (curved_surface, lens)."
         (x, y), n = self.place, self.normal
         return (
-            "Level the camera with the surface, or the surface itself; another surface.height mends nothing. Is the "
-            "surface a ramp, give it in place of `surface` in dataset.yaml: "
+            "Level the camera with the surface, or the surface itself; another surface.height does not help. If the "
+            "surface is a ramp, give it instead of `surface` in dataset.yaml: "
             f"surfaces: [{{name: ramp, point: [{x:.4g}, {y:.4g}], normal: [{n[0]:.5f}, {n[1]:.5f}]}}]. "
-            "Of a few degrees the critique finds the angle itself (camera_pose)."
+            "If the angle is only a few degrees, the critique finds it itself (camera_pose)."
         )
 
 
@@ -99,10 +99,10 @@ def gap_line(shape: Shape, q: np.ndarray) -> GapLine | None:
 
 
 def sunk(shape: Shape, q: np.ndarray, at: np.ndarray) -> np.ndarray | float:
-    """By how much (n,) in m the gaps at impacts q (k, 3) make the surface lower at poses `at` (n, 3) than anywhere.
+    """Depth (n,) in m of the surface at poses `at` (n, 3) below its highest point, from the gaps at impacts q (k, 3).
 
-    A cubic along x: a lens draws the surface so.  It counts between the outermost impacts; 0 of few, and where it
-    explains less than `MOSTLY` of the variance of the gaps.
+    The surface is a cubic along x, as a lens distorts it, and constant beyond the outermost impacts.  0 if impacts are
+    few, or if the cubic explains less than `MOSTLY` of the variance of the gaps.
     """
     if len(q) < LEAST:
         return 0.0
@@ -118,7 +118,7 @@ def sunk(shape: Shape, q: np.ndarray, at: np.ndarray) -> np.ndarray | float:
 
 @dataclass(frozen=True)
 class _Curve:
-    """A polynomial through points: coefficients c (degree + 1,) about the middle of x, and how it compares."""
+    """A polynomial fitted to points: coefficients c (degree + 1,) about the mean of x, and the quality of the fit."""
 
     c: np.ndarray
     middle: float
@@ -133,7 +133,7 @@ class _Curve:
 
 
 def _fitted(x: np.ndarray, y: np.ndarray, degree: int) -> _Curve:
-    """A polynomial through the points (n,), without those that lie far off it."""
+    """A polynomial fitted to the points (n,), without outliers."""
     middle, kept = float(np.mean(x)), np.ones(len(x), bool)
     A = np.stack([(x - middle) ** k for k in range(degree + 1)], axis=1)
     c, rest = np.zeros(degree + 1), 0.0

@@ -1,8 +1,8 @@
-"""Do the units and signs of impacts.csv agree?  (`trajectories` asks the same of poses.)
+"""Are the units and signs of impacts.csv consistent?  (`trajectories` checks the same for poses.)
 
-Most impacts lose energy; ω in degrees per second makes them gain some.  θ in degrees shows in contact points that fit
-the shape only if θ is converted from degrees, or, without contact points, in gaps to the surface.  Source: energy
-balance of the planar body (thesis section 3.3.1); the limits are our choice.
+Most impacts lose energy; with ω in degrees per second they seem to gain some.  θ in degrees is recognised by contact
+points that fit the shape only if θ is converted from degrees or, without contact points, by gaps to the surface.
+Source: energy balance of the planar body (thesis section 3.3.1); the limits are our choice.
 """
 
 import numpy as np
@@ -24,7 +24,7 @@ from thesis_lib.datasets.format.impacts import POSE, V_POST, V_PRE
 from thesis_lib.datasets.format.validate import UsableRows
 
 FITS_BETTER = 5.0  # degrees must explain contact points this many times better than radians
-EXCHANGED = 0.9  # share of impacts that go backwards in time; the rest is noise of weak impacts
+EXCHANGED = 0.9  # share of impacts that seem reversed in time; the rest is noise of weak impacts
 MISFIT = 0.05  # extents; smaller misfits of contact points are tracker errors
 
 
@@ -77,7 +77,7 @@ def _contradicts_shape(table: UsableRows, q: np.ndarray, shape: Shape, height: f
 def _check_angles_and_energy(
     table: UsableRows, q: np.ndarray, v_pre: np.ndarray, v_post: np.ndarray, body: KnownBody
 ) -> None:
-    """Judge angles by the contact points, spin and direction of time by the energy; states are (n, 3)."""
+    """Check angles by the contact points, and spin and direction of time by the energy; states are (n, 3)."""
     data, shape, k_g = table.data, body.shape, body.k_g
     assert shape is not None and k_g is not None
     stated = data[["r_x", "r_y"]].to_numpy(float) if {"r_x", "r_y"} <= set(data.columns) else None

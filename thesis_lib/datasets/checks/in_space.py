@@ -1,8 +1,8 @@
-"""Do units, gravity and orientations of a dataset in space agree?  Heuristics that must not misfire on real drops.
+"""Are units, gravity and orientation of a dataset in space consistent?  Heuristics that must not misfire on real drops.
 
 Lengths are judged by speeds, by the body and by free fall; gravity by the flights, in the axes of the recording.
-Quaternions that flights contradict, jumps of the orientation and its loss are doubts, since a fault of the measurement
-is a cause that a critique can name.
+Quaternions that contradict the flights, jumps of the orientation and its loss give warnings only, since a critique can
+identify a fault of the measurement as a cause.
 """
 
 from collections.abc import Mapping, Sequence
@@ -26,28 +26,28 @@ from thesis_lib.datasets.space.flights import Track, find_flights, follow, inner
 from thesis_lib.datasets.space.motion import Motion, conjugate
 from thesis_lib.statistics.spread import robust_mean
 
-FEWEST = 20  # samples that say anything of a motion
+FEWEST = 20  # samples needed to judge a motion
 PAUSE = 10.0  # s between trials on one clock
-OBLIQUE = np.radians(3.0)  # between stated and measured gravity; a camera that is levelled by eye is within
-SLOWER, SURELY = 0.02, 4.0  # share, and standard errors, by which bodies may fall at another rate than gravity's
+OBLIQUE = np.radians(3.0)  # between stated and measured gravity; a camera levelled by eye stays within
+SLOWER, SURELY = 0.02, 4.0  # share, and standard errors, by which the fall may differ from gravity
 CENTRAL = 5e-3  # m from the tracked point to the centre of mass, within which both fall alike
-HELD = 0.1  # s before the first flight
-BY_CHANCE = 1e-3  # values that stand in so many trials
-REPEATED = 0.2  # share of rows whose coordinate stands in another row, too
-LOST = 0.2  # share of orientations that are lost, from which on it is said
+HELD = 0.1  # s before the first flight, in which a body counts as held
+BY_CHANCE = 1e-3  # expected number of values that occur in so many trials
+REPEATED = 0.2  # share of rows whose coordinate occurs in another row, too
+LOST = 0.2  # share of lost orientations from which a warning is given
 OFF_SURFACE = 0.2  # extents of the body, by which its lowest point may be off the surface at hits
 XYZW = [1, 2, 3, 0]  # of a quaternion with the scalar first
 SCALAR_LAST = "as x, y, z, w (the scalar last)"
-COPIED = "leave copies out: what is held out of a critique must be independent of what it learns from"
+COPIED = "leave copies out: the held-out trials of a critique must be independent of its training trials"
 REVERSED = "reversed (of a left-handed frame, or turning the world into the body)"
 
 
 @dataclass(frozen=True)
 class MotionFacts:
-    """Facts from the samples: free flights, their median acceleration (m/s²), and faults of the orientations.
+    """Findings from the samples: free flights, their median acceleration (m/s²), and faults of the poses.
 
-    `held` trials begin before the body is let go, at that time in s.  The last flight of those `in_the_air` ends off
-    the surface, at that time: caught, out of view, or beyond the table's edge.
+    `held`: trials that begin before the release, with its time in s.  `in_the_air`: trials whose last flight ends off
+    the surface, with that time in s: caught, out of view, or beyond the table's edge.
     """
 
     flights: int
@@ -55,14 +55,14 @@ class MotionFacts:
     lost_orientation: float  # share of the samples
     turned: Jumps  # of the orientation
     moved: Jumps = NO_JUMPS  # of the tracked point
-    reading: str = ""  # as which the quaternions turn like a free body, "" if they do as they are
+    reading: str = ""  # reading of the quaternions with which the body moves freely, "" for the stated one
     fall_error: float = 0.0  # m/s², standard error of the size of `fall`
     held: Mapping[int, float] = field(default_factory=dict)
     in_the_air: Mapping[int, float] = field(default_factory=dict)
 
 
 def motion_facts(table: pd.DataFrame, header: SpaceHeader) -> MotionFacts:
-    """Facts from the samples of trajectories.csv, its rows whole and in order."""
+    """Findings from the samples of trajectories.csv, whose rows are complete and in order."""
     seen = np.isfinite(table["qw"].to_numpy(float))
     q, trial, t = (table[names].to_numpy(float) for names in (list(QUATERNION), "trial", "t"))
     facts = MotionFacts(0, None, float(np.mean(~seen)), turn_jumps(trial, t, q))
@@ -94,7 +94,7 @@ def motion_facts(table: pd.DataFrame, header: SpaceHeader) -> MotionFacts:
 
 
 def _motion(table: pd.DataFrame) -> Motion:
-    """The motion in whole rows, on one clock, with the readings that a dataset may need."""
+    """The motion in complete rows, on one clock, with other readings of its quaternions."""
     q, (_, t, position) = table[list(QUATERNION)].to_numpy(float), one_clock(table)
     readings = {SCALAR_LAST: lambda: q, REVERSED: lambda: conjugate(q[:, XYZW])}
     readings[f"{SCALAR_LAST} and {REVERSED}"] = lambda: conjugate(q)
@@ -102,12 +102,12 @@ def _motion(table: pd.DataFrame) -> Motion:
 
 
 def reading_of(table: pd.DataFrame, relabellings: Mapping[str, np.ndarray], gravity: float) -> str:
-    """As which of these a body falls far better than as its quaternions are written; "" if as none.
+    """Name of the relabelling with which a body falls far better than with its quaternions as written; "" if none.
 
     Args:
-        table: whole rows of trajectories.csv, by trial and time.
-        relabellings: P (4, 4) by name: what is written is P times the true w, x, y, z.
-        gravity: its size in m/s².
+        table: complete rows of trajectories.csv, sorted by trial and time.
+        relabellings: P (4, 4) by name: the written quaternion is P times the true w, x, y, z.
+        gravity: magnitude of gravity in m/s².
     """
     if len(table) < FEWEST:
         return ""
@@ -119,8 +119,8 @@ def reading_of(table: pd.DataFrame, relabellings: Mapping[str, np.ndarray], grav
 def _ends(
     table: pd.DataFrame, t: np.ndarray, track: Track, flights: Sequence[slice], header: SpaceHeader
 ) -> tuple[dict[int, float], dict[int, float]]:
-    """Trials that begin held, and trials that end in the air, with their own times, of samples at times `t` (n,) on one
-    clock."""
+    """Times of release of trials that begin held, and times at which trials end in the air, by trial and on its clock;
+    `t` (n,): times of the samples on a common clock."""
     trial, own = table["trial"].to_numpy().tolist(), table["t"].tolist()
     start = {trial[flight.start]: flight.start for flight in reversed(flights)}
     begins = {trial[i]: t[i] for i in reversed(range(len(t)))}
@@ -131,7 +131,7 @@ def _ends(
     (frame,) = surface_frames(header)
     states = frame.seen(body_states(tracked_states(table.iloc[last]), header))
     solid = header.body.solid.about(header.body.centre)
-    # as far as the body falls until the next sample, too
+    # plus the distance that the body may move until the next sample
     speed = np.array([np.linalg.norm(track.v[min(at, len(t) - 1 - track.half)]) for at in last])
     after = np.minimum(last + 1, len(t) - 1)
     lasts = np.where(np.array(trial)[after] == np.array(trial)[last], t[after] - t[last], 0.0)
@@ -141,9 +141,9 @@ def _ends(
 
 
 def centre_path(table: pd.DataFrame, header: SpaceHeader) -> tuple[np.ndarray, np.ndarray]:
-    """Times (n,) in s on one clock, and where the believed centre of mass is (n, 3) in m: that flies on a parabola.
+    """Times (n,) in s on one clock, and positions (n, 3) in m of the believed centre of mass, which flies on parabolas.
 
-    Where nobody knows how the tracked frame lies in the body, it is the tracked point.
+    If the pose of the tracked frame in the body is unknown, the tracked point is used instead.
     """
     states = tracked_states(table)
     return one_clock(table)[1], (states if header.tracked is None else body_states(states, header)).position.T
@@ -165,7 +165,7 @@ def check_header(header: SpaceHeader, report: ValidationReport) -> None:
     farthest = extent + float(np.linalg.norm(body.centre))
     if extent > LARGEST_BODY:
         what = f"the body reaches {extent:g} m from its origin, more than {LARGEST_BODY:g} m: millimetres?"
-        report.error(FILE, "body.shape", what, METRES + ", those of a mesh by its scale")
+        report.error(FILE, "body.shape", what, METRES + "; for a mesh, by its scale")
     elif k > farthest:
         what = f"a radius of gyration of {k:g} m is larger than the body, which reaches {farthest:g} m"
         remedy = "give inertia in kg m² and mass in kg, or radii_of_gyration in m"
@@ -208,7 +208,7 @@ def check_motion(table: UsableRows, header: SpaceHeader) -> None:
     elif facts.flights:
         _check_fall(table, header, facts, float(np.median(np.diff(t)[within])))
     if facts.reading:
-        what = f"in free flight the body does not move as a free body does; read {facts.reading}, it does"
+        what = f"in free flight the body does not move like a free body; if read {facts.reading}, it does"
         table.warn("columns qw, qx, qy, qz", what, "find out how the recording was written, and convert it")
     _check_jumps(table, facts)
     _check_repeated(table)
@@ -219,14 +219,14 @@ def check_motion(table: UsableRows, header: SpaceHeader) -> None:
         table.warn(
             "columns qw, qx, qy, qz",
             what,
-            "nothing, if the tracker lost it: hits and flights are found without such rows",
+            "none needed if the tracker lost it: hits and flights are found without such rows",
         )
 
 
 def _check_repeated(table: UsableRows) -> None:
-    """Report coordinates that trials share to the last digit, more of them than rounding makes equal by chance.
+    """Report coordinates that trials share to the last digit, if more of them than rounding makes equal by chance.
 
-    If a share r of N rows repeats another one, some N r^(m − 1) values stand in m rows by chance.
+    If a share r of N rows repeats another row, about N r^(m − 1) values occur in m rows by chance.
     """
     for axis in POSITION:
         values = table.data[axis]
@@ -236,37 +236,37 @@ def _check_repeated(table: UsableRows) -> None:
         trials = table.data.groupby(axis)["trial"].nunique()
         if trials.max() > 2 and len(values) * share ** (trials.max() - 1) < BY_CHANCE:
             value = trials.idxmax()
-            what = f"{value:.9g} stands in {trials.max()} trials, to the last digit: it was set, and not measured"
-            remedy = "remove such rows: a rest in them is what somebody believed"
+            what = f"{value:.9g} occurs in {trials.max()} trials, to the last digit: it was set, not measured"
+            remedy = "remove such rows: the body at rest in them was assumed, not measured"
             table.warn(f"column {axis}", what, remedy, (values == value).to_numpy())
 
 
 def _check_fall(table: UsableRows, header: SpaceHeader, facts: MotionFacts, step: float) -> None:
-    """Report bodies that fall faster or slower than gravity says."""
+    """Report bodies that fall faster or slower than the stated gravity."""
     assert facts.fall is not None
     size, stated = float(np.linalg.norm(facts.fall)), float(np.linalg.norm(header.gravity))
     if abs(size - stated) > max(SLOWER * stated, SURELY * facts.fall_error):
         clock = np.sqrt(stated / size)
         what = (
-            f"{facts.flights} free flights fall by {size:.3g} m/s², and gravity is stated as {stated:.3g}: so it looks "
-            f"if frames are taken at {clock / step:.4g} Hz and not at the {1.0 / step:.4g} Hz of their times, or if "
+            f"{facts.flights} free flights fall by {size:.3g} m/s², but gravity is stated as {stated:.3g}: perhaps the "
+            f"frames were taken at {clock / step:.4g} Hz and not at the {1.0 / step:.4g} Hz of their times, or the "
             f"lengths are {abs(size / stated - 1.0):.1%} too {'large' if size > stated else 'small'}"
         )
         table.warn("columns t, x, y, z", what, "correct the times, the lengths, or gravity")
 
 
 def _check_jumps(table: UsableRows, facts: MotionFacts) -> None:
-    """Report a tag that flips, and another one that takes over."""
+    """Report jumps of the orientation (a tag flips) and of the position (another tag takes over)."""
     turned, moved, n = facts.turned, facts.moved, len(table.data)
     by, off = f"{np.degrees(turned.size):.0f}°", f"{1e3 * moved.size:.2g} mm"
-    empty = "`critique` leaves out samples whose orientation soon jumps back; leave that of others empty"
+    empty = "`critique` leaves out samples whose orientation soon jumps back; leave other wrong orientations empty"
     one = "use one tag throughout, or remove such samples"
     for jumps, name, size, why, where, remedy in (
         (turned, "orientation", by, "a tag flips", "columns qw, qx, qy, qz", empty),
         (moved, "position", off, "another tag takes over", "columns x, y, z", one),
     ):
         if jumps is moved and len(moved.rows) == 1:
-            continue  # in tens of thousands of samples one hit looks like it
+            continue  # in tens of thousands of samples, one hit may look like a jump
         what = (
             f"the {name} jumps at {len(jumps.rows)} of {n} samples, by {size} (median), and {jumps.share:.1%} of the "
             f"samples lie between a jump and the jump back: {why}, or markers are swapped"
@@ -286,10 +286,10 @@ def _nothing_falls(table: UsableRows, header: SpaceHeader) -> None:
         return table.warn("columns x, y, z", what, "check the units of length and time, and gravity")
     unit, down, number = found
     if unit:
-        return table.error("columns x, y, z", f"look like {unit}: {number} free flights fall so", METRES)
+        return table.error("columns x, y, z", f"look like {unit}: with this unit {number} free flights fall", METRES)
     shown = ", ".join(f"{value:.3g}" for value in size * down + 0.0)
     what = f"nothing falls along the stated gravity; {number} free flights fall along [{shown}]"
-    # a tracked point away from the centre of mass falls elsewhere if tracked or the quaternions are wrong
+    # a tracked point off the centre of mass falls in another direction if tracked or the quaternions are wrong
     tracked, centre = header.tracked, header.body.centre
     sure = tracked is not None and np.linalg.norm(centre - np.array(tracked.position)) < CENTRAL
     say = table.report.error if sure else table.report.warn
@@ -310,7 +310,7 @@ def check_hits(table: UsableRows, header: SpaceHeader) -> None:
     gap = np.abs(state.height + r[2])
     if float(np.median(gap)) > OFF_SURFACE * solid.extent:
         what = f"at the hits the lowest point of the body is {np.median(gap):.3g} m off the surface (median)"
-        table.warn("columns x, y, z", what, "check the surface, the shape, tracked, and the unit of length")
+        table.warn("columns x, y, z", what, "check the surface, the shape, `tracked`, and the unit of length")
     elif np.mean(state.space.velocity_at(state.velocity, state.spin, r)[2] >= 0.0) > 0.5:
         what = "the contact point does not approach the surface before the impact in most rows"
         table.warn("columns v*_pre and w*_pre", what, "check the normal of the surface, and that _pre is before _post")

@@ -1,12 +1,12 @@
-"""Jumps of a tracker in space: a tag that flips, another tag or marker that takes over.
+"""Jumps of a tracker in space: a tag flips, or another tag or marker takes over.
 
-    turn:   |Δφ_i| > `TURN` + 3 times what is usual beside it
-    place:  |d_i| > `ODD` times what is usual,  p = a + v s + b s² (+ d_i from sample i on)  in the samples beside it,
-            where that fits as well as elsewhere, far better than a sample earlier or later, and the spin stays what
-            it is: at a hit it does not
+    turn:   |Δφ_i| > `TURN` + 3 times the median of its neighbours
+    place:  |d_i| > `ODD` times the median,  p = a + v s + b s² (+ d_i from sample i on)  in the neighbouring samples,
+            if this fits as well as elsewhere, far better than a step one sample earlier or later, and the spin does
+            not change, as it would at a hit
 
 Δφ_i is the turn from one sample to the next, p (3,) the tracked point, s time; steps across lost frames and from trial
-to trial are none.
+to trial are ignored.
 """
 
 from dataclasses import dataclass
@@ -18,15 +18,15 @@ from thesis_lib.datasets.space.motion import turning
 from thesis_lib.mechanics.space import SPACE
 
 TURN = 0.3  # rad
-BACK = 0.1  # s in which an orientation jumps back; a tag that is read in its other pose for longer is left as it is
-NEIGHBOURS = 3  # samples on either side that say what is usual
-BESIDE = 4  # samples on either side of a jump of place
-ODD, PLACE = 5.0, 1e-3  # usual steps, and m: a jump of place is larger
-SMOOTH = 2.0  # usual misfits of a parabola with a step, beyond which it is none
-ALONE = 0.6  # of the misfits of a step one sample earlier or later: two hits in a row look alike from each of these
-STEADY = 4.0  # usual changes of the spin; a hit changes it by more
+BACK = 0.1  # s within which an orientation jumps back; a tag that is read in its other pose for longer is kept
+NEIGHBOURS = 3  # samples on either side that give the usual turn
+BESIDE = 4  # samples on either side of a jump of position
+ODD, PLACE = 5.0, 1e-3  # median steps, and m: a jump of position exceeds both
+SMOOTH = 2.0  # median misfits of a parabola with a step, beyond which a step is not a jump
+ALONE = 0.6  # of the misfits of a step one sample earlier or later, which are alike for two hits in a row
+STEADY = 4.0  # median changes of the spin; a hit changes it by more
 CHUNK = 50_000  # windows fitted at once
-LOST = 1.5  # usual steps of time; longer ones lack samples
+LOST = 1.5  # median time steps; longer steps lack samples
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,9 +34,9 @@ class Jumps:
     """Jumps in a table.
 
     Attributes:
-        rows: (k,) numbers of the samples from which on the pose is another.
-        size: median, in rad or m; 0 without jumps.
-        share: of the samples that lie between a jump and the jump back.
+        rows: (k,) indices of the first samples after the jumps.
+        size: median size in rad or m; 0 without jumps.
+        share: share of the samples that lie between a jump and the jump back.
     """
 
     rows: np.ndarray
@@ -48,7 +48,7 @@ NO_JUMPS = Jumps(np.zeros(0, int), 0.0, 0.0)
 
 
 def turn_jumps(trial: np.ndarray, t: np.ndarray, quaternion: np.ndarray) -> Jumps:
-    """Jumps of the orientation (n, 4), scalar first, NaN where it is lost, at times (n,) in s."""
+    """Jumps of the orientation (n, 4), scalar first and NaN if lost, at times (n,) in s."""
     rows = np.flatnonzero(np.isfinite(quaternion[:, 0]))
     if len(rows) < 2 * NEIGHBOURS + 2:
         return NO_JUMPS
@@ -61,8 +61,8 @@ def turn_jumps(trial: np.ndarray, t: np.ndarray, quaternion: np.ndarray) -> Jump
 
 
 def out_and_back(trial: np.ndarray, t: np.ndarray, quaternion: np.ndarray) -> np.ndarray:
-    """Mask (n,) of samples in which a tag is read in its other pose: their orientation (n, 4), scalar first, has
-    jumped, and soon jumps back to where the body has turned meanwhile.  Times t (n,) in s rise within a trial."""
+    """Mask (n,) of samples in which the ambiguous pose of a tag is read wrongly: the orientation (n, 4), scalar first,
+    jumps there, and soon back to that of the body, which has turned on.  Times t (n,) in s rise within a trial."""
     mask = np.zeros(len(t), bool)
     if len(t) < 2 * NEIGHBOURS + 2:
         return mask
@@ -72,7 +72,7 @@ def out_and_back(trial: np.ndarray, t: np.ndarray, quaternion: np.ndarray) -> np
     around = np.lib.stride_tricks.sliding_window_view(np.pad(speed, NEIGHBOURS, mode="edge"), 2 * NEIGHBOURS + 1)
     far = speed * dt > TURN + 3.0 * np.quantile(around, 0.25, axis=1) * dt  # a median of these may be a jump, too
     steady, done, jumps = same & ~far, -1, np.flatnonzero(far & same)
-    for out, back in pairwise(jumps):  # from the sample with the number of the step to the next one
+    for out, back in pairwise(jumps):  # step i leads from sample i to sample i + 1
         if out < done or trial[out] != trial[back + 1] or t[back + 1] - t[out] > BACK:
             continue
         beside = [step for step in (out - 1, back + 1) if 0 <= step < len(dt) and steady[step]]
@@ -84,9 +84,9 @@ def out_and_back(trial: np.ndarray, t: np.ndarray, quaternion: np.ndarray) -> np
 
 
 def place_jumps(trial: np.ndarray, t: np.ndarray, position: np.ndarray, quaternion: np.ndarray | None) -> Jumps:
-    """Jumps of the tracked point (n, 3) in m at which the body turns on, at times (n,) in s that rise within a trial.
+    """Jumps of the tracked point (n, 3) in m at unchanged spin, at times (n,) in s that rise within a trial.
 
-    `quaternion` (n, 4), scalar first; None of a ball whose orientation nobody measured.
+    `quaternion` (n, 4), scalar first; None for a ball whose orientation is not measured.
     """
     whole = np.lib.stride_tricks.sliding_window_view(_unbroken(trial, t), 2 * BESIDE - 1) if len(t) > 2 * BESIDE else []
     at = np.flatnonzero(np.all(whole, axis=1)) + BESIDE if len(whole) else np.zeros(0, int)
@@ -107,10 +107,10 @@ def place_jumps(trial: np.ndarray, t: np.ndarray, position: np.ndarray, quaterni
 
 
 def _steps(t: np.ndarray, position: np.ndarray, at: np.ndarray) -> np.ndarray:
-    """Rows (k, 3) of the step in m before each sample `at`, the rms misfit in m, and the step that a hit would make.
+    """Array (k, 3): step in m before each sample `at`, rms misfit in m, and ratio of the step that a hit would make.
 
-    A hit between two samples moves the place by as much as the changed velocity does between them, at most; that way
-    over the step, where both are fitted.
+    A hit between two samples displaces the point by at most the change of velocity times the interval; the ratio is
+    this displacement over the step, with both fitted.
     """
     rows = at[:, None] + np.arange(-BESIDE, BESIDE)
     s = t[rows] - t[at, None]
@@ -126,7 +126,7 @@ def _steps(t: np.ndarray, position: np.ndarray, at: np.ndarray) -> np.ndarray:
 
 
 def _spin_changes(t: np.ndarray, quaternion: np.ndarray, at: np.ndarray) -> np.ndarray:
-    """Changes (k,) in rad/s of the mean spin from the samples before each sample `at` to those from it on."""
+    """Changes (k,) in rad/s of the mean spin between the samples before each sample `at` and those from it on."""
     turns = np.concatenate([np.zeros((1, 3)), np.cumsum(turning(quaternion[:, [1, 2, 3, 0]]), axis=0)])
     ends = np.array([[0, BESIDE - 1], [-BESIDE, -1]])
     before, after = ((turns[at + b] - turns[at + a]) / (t[at + b] - t[at + a])[:, None] for a, b in ends)
@@ -138,7 +138,7 @@ def _solved(X: np.ndarray, y: np.ndarray) -> np.ndarray:
 
 
 def _unbroken(trial: np.ndarray, t: np.ndarray) -> np.ndarray:
-    """Steps (n - 1,) within a trial that lack no sample."""
+    """Mask (n - 1,) of the steps within a trial without lost samples."""
     dt, same = np.diff(t), trial[1:] == trial[:-1]
     return same & (dt < LOST * (np.median(dt[same]) if same.any() else 0.0))
 

@@ -1,4 +1,4 @@
-"""Facts on the body while units and signs are judged; limits and remedies that these checks share."""
+"""Known properties of the body for the checks of units and signs; limits and remedies that these checks share."""
 
 from dataclasses import dataclass
 
@@ -12,8 +12,8 @@ from thesis_lib.datasets.format.header import Header
 from thesis_lib.datasets.format.validate import Problem
 
 FILE = "dataset.yaml"
-LARGEST_BODY = 10.0  # m; what is dropped on a rig fits on a table
-LARGEST_HEIGHT = 300.0  # extents, of the lowest tenth; true bodies come down to 1 extent, in mm to 1000
+LARGEST_BODY = 10.0  # m; a body that is dropped on a rig fits on a table
+LARGEST_HEIGHT = 300.0  # extents, 10 % quantile of the heights; bodies come down to 1 extent, read in mm to 1000
 LARGEST_SPEED = 100.0  # m/s, 90th percentile; a fall from 500 m
 TO_RAD = np.pi / 180.0
 GROSS_SIZE = 1.4  # ratio of heights at impact to those of the shape; beyond any error of ruler or frame
@@ -27,29 +27,29 @@ FACTORS = {  # likely causes of a shape that is too large by a factor
     100.0: "centimetres?",
     1000.0: "millimetres?",
 }
-UNLIKE = (300.0, 3000.0)  # noise of one column over that of another that is in mm and not in m; else at most tens
+UNLIKE = (300.0, 3000.0)  # ratio of the noise of two columns, one in mm and one in m; otherwise at most tens
 NOISY = 1e-5  # m; below, the noise may be that of digits, or a simulation has none
-STILL, SHAKY = 0.1, 0.03  # extents of noise that no motion is taken for, and beyond which a column cannot be in m
+STILL, SHAKY = 0.1, 0.03  # noise in extents, below which columns can be in m, and above which a column cannot
 FITS_BETTER = 3.0  # times by which the heights at impact scatter less if angles are in the right unit
 ROUNDED = 1e-3  # relative; numbers in dataset.yaml may have three digits
-NEAR = 0.15  # relative distance to such a factor
+NEAR = 0.15  # relative distance to one of `FACTORS`
 
-BELIEVED = 3.0  # standard uncertainties by which what a header says of one body may differ
+BELIEVED = 3.0  # standard uncertainties by which statements of a header on one body may differ
 
 RADIANS = "give theta in radians (and omega in rad/s): multiply by pi/180, or --units deg of the init command"
-ONE_UNIT = "give every column in m; the unit that the log's header or --units gives one of them is wrong"
-ALREADY_RADIANS = "multiply theta (and omega) by 180/pi; the unit that the log's header or --units gives it is wrong"
+ONE_UNIT = "give every column in m; the unit of one of them in the log's header or in --units is wrong"
+ALREADY_RADIANS = "multiply theta (and omega) by 180/pi; its unit in the log's header or in --units is wrong"
 METRES = "give lengths in m: divide by 1000 if they are in millimetres, by 100 if in centimetres"
-SHAPE_METRES = METRES + " (--shape of the init command takes m, whatever --units says of the log)"
-UPWARDS = "y must point up, away from the surface: flip its sign (and that of theta if that turns clockwise then)"
+SHAPE_METRES = METRES + " (--shape of the init command is in m, whatever the --units of the log)"
+UPWARDS = "y must point up, away from the surface: flip its sign (and that of theta if it then turns clockwise)"
 
 
 @dataclass(frozen=True)
 class KnownBody:
-    """Facts on the body that hold even if dataset.yaml is wrong elsewhere.
+    """Properties of the body that hold even if dataset.yaml has faults elsewhere.
 
-    `shape` and `k_g` (m) are None without a valid shape; `height` (m) is that of the surface, of which
-    there is none between `walls`; `gravity` in m/s².
+    `shape` and `k_g` (m) are None without a valid shape; `height` (m) is the height of the surface, unused if there
+    are `walls`; `gravity` in m/s².
     """
 
     shape: Shape | None = None
@@ -60,7 +60,7 @@ class KnownBody:
 
     @classmethod
     def of(cls, header: Header | None, shape: Shape | None) -> "KnownBody":
-        """From a valid header, else from the shape alone."""
+        """Properties from a valid header, else from the shape alone."""
         if header is None:
             return cls(shape, None if shape is None else shape.extent / 2)
         shape = header.body.shape
@@ -80,10 +80,10 @@ class KnownBody:
 
 
 def unlike_column(noise: np.ndarray, position: np.ndarray, extent: float) -> tuple[int, str] | None:
-    """Which column of a position (n, d) in m is in another unit than all others, and how that shows; None: none is.
+    """Index of the column of positions (n, d) in m with another unit than all others, and a message; None if none has.
 
-    One camera sees all with like noise (d,), in m: how far a body moves says less, as drops may go straight down.
-    `extent` in m, of the body: in a column that is a thousand times too small none moves as far.
+    One camera measures all columns with similar noise (d,), in m; ranges are less reliable, as drops may fall straight
+    down.  `extent` of the body, in m: in a column that is a thousand times too small, no body moves as far.
     """
     for i, own in enumerate(noise):
         others = np.delete(noise, i)
@@ -106,9 +106,9 @@ def _scatter(values: np.ndarray) -> float:
 
 
 def radians_as_degrees(shape: Shape, q: np.ndarray) -> str:
-    """How poses q (n, 3) at impact, in m and rad, show that radians were read as degrees; "" if they do not.
+    """Message if poses q (n, 3) at impact, in m and rad, show that radians were read as degrees; "" otherwise.
 
-    The heights of the centre then follow the shape at angles 180/π times as large.
+    The heights of the centre then fit the shape at angles 180/π times as large.
     """
     if len(q) < FEW_HITS:
         return ""
@@ -122,10 +122,10 @@ def radians_as_degrees(shape: Shape, q: np.ndarray) -> str:
 
 
 def contradictions(shape: Shape, height: float, q: np.ndarray) -> list[Problem]:
-    """How poses q (n, 3) at impact, in m and rad, contradict the shape and the surface height (m).
+    """Problems if poses q (n, 3) at impact, in m and rad, contradict the shape or the surface height (m).
 
     At impact the lowest point touches: y − height = reach(θ).  If the ratio of the two is far from 1 in most impacts,
-    the shape is wrong by that factor or the surface lies elsewhere; the reading with less scatter is reported.
+    the shape is wrong by that factor or the surface lies elsewhere; the explanation with less scatter is reported.
     """
     if len(q) < FEW_HITS:
         return []
@@ -139,7 +139,7 @@ def contradictions(shape: Shape, height: float, q: np.ndarray) -> list[Problem]:
         steep = abs(line.angle) > STEEP
         return [Problem(FILE, "surface", line.said().rstrip("."), line.remedy())] if steep else []
     offset = float(np.median(centre - reach))
-    what = f"at {len(q)} impacts the centre is {ratio:.3g} times as high above the surface as the shape says"
+    what = f"at {len(q)} impacts the centre is {ratio:.3g} times as high above the surface as the shape requires"
     closes = f"surface.height {height + offset:.4g} m instead of {height:g} m would close the gap of {offset:+.3g} m"
     round_body = np.ptp(reach) < BLIND_SHAPE * shape.extent
     if ratio > 0.0 and (round_body or _scatter(centre - ratio * reach) < _scatter(centre - reach)):
@@ -153,22 +153,22 @@ def contradictions(shape: Shape, height: float, q: np.ndarray) -> list[Problem]:
 
 
 def contradictory_body(body: Body) -> list[Problem]:
-    """How what dataset.yaml says of a homogeneous body contradicts itself."""
+    """Problems if the statements of dataset.yaml on a homogeneous body contradict each other."""
     if not body.homogeneous:
         return []
     if body.inertia_uncertainty is None:
-        what = "true, but nobody says how well it is known"
+        what = "true, but its uncertainty is not stated"
         remedy = "add uncertainty: {size: 0.002} (relative, one sigma, as a caliper gives it), or leave homogeneous out"
         return [Problem(FILE, "body.homogeneous", what, remedy)]
     shape, found = body.shape, []
     off = (body.radius_of_gyration / shape.radius_of_gyration) ** 2 - 1.0
     if abs(off) > BELIEVED * body.inertia_uncertainty + ROUNDED:
         what = (
-            f"{body.radius_of_gyration:g} m gives a moment of inertia {100 * off:+.2g} % off that of this shape of one "
-            f"density ({shape.radius_of_gyration:.6g} m), which is said to be known to "
+            f"{body.radius_of_gyration:g} m gives a moment of inertia {100 * off:+.2g} % off that of this shape with "
+            f"uniform density ({shape.radius_of_gyration:.6g} m), which is stated to be known to "
             f"{100 * body.inertia_uncertainty:.2g} %"
         )
-        remedy = "give that of the shape, or leave homogeneous out and state uncertainty.inertia of what was measured"
+        remedy = "give the value of the shape, or leave homogeneous out and state uncertainty.inertia as measured"
         found.append(Problem(FILE, "body.radius_of_gyration", what, remedy))
     centre = float(np.hypot(*shape.centroid))
     if centre > BELIEVED * (body.centre_uncertainty or 0.0) + ROUNDED * shape.extent:

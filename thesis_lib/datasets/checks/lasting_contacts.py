@@ -1,10 +1,10 @@
-"""Contacts that last: the body sinks into the surface, turns round there, and comes out again many samples later.
+"""Contacts that last: the body sinks into the surface, reverses there, and leaves it many samples later.
 
-A surface that is stated too high is crossed, too, but there the path has a corner, and the body goes equally deep
-however fast it comes.  In a soft contact it goes the deeper the faster it comes, and its force is spread over the
-time T inside.  Of the change of velocity inside, two neighbouring samples hold
+A body also crosses a surface that is stated too high, but its path then has a corner, and its depth does not depend on
+its speed.  In a soft contact the depth grows with the speed, and the force is spread over the time T inside.  Two
+neighbouring samples then contain, of the change of velocity inside,
 
-    nearly all   at a corner,        less than π Δt/T   under half a sine of a force.
+    nearly all   at a corner,        less than π Δt/T   under a half-sine force.
 """
 
 from dataclasses import dataclass
@@ -17,11 +17,11 @@ from thesis_lib.datasets.format.samples import Samples
 LONGER = 0.01  # s; the arcs allow for shorter contacts
 FEWEST = 6  # contacts
 DEEP, OF_NOISE = 2e-3, 5.0  # m and sigmas: depth that is not noise
-OFTEN = 0.5  # share of deep ones among the contacts that noise cannot hide; dice dip in now and then
-WITHIN = 4  # samples inside: fewer say nothing about the path there
+OFTEN = 0.5  # share of deep contacts among those clear of the noise; dice dip in now and then
+WITHIN = 4  # samples inside: fewer do not show the path there
 SPREAD = 0.8  # share of the change of velocity in two neighbouring samples; a corner has 0.95 and more
-BY_SPEED = 0.5  # share of the depth that goes with the speed
-MOST = 400  # contacts that are looked at: pairs of them are compared
+BY_SPEED = 0.5  # share of the depth that is proportional to the speed
+MOST = 400  # contacts that are examined: pairs of them are compared
 
 
 @dataclass(frozen=True)
@@ -34,24 +34,24 @@ class LastingContacts:
     share: float
 
     def sentence(self) -> str:
-        """Sentence on contacts that last: what they are, why impulses do not describe them, and what to do."""
+        """Message on contacts that last: what they are, why impulses do not describe them, and what to do."""
         lasts = f"{self.duration:.2g} s" if self.duration >= 0.095 else f"{1e3 * self.duration:.2g} ms"
         return (
             f"Contacts last about {lasts}: {self.count} times the body sinks into the surface, up to "
             f"{1e3 * self.depth:.3g} mm deep, and comes out again ({self.share:.0%} of all samples lie inside). The "
-            "contact is soft, as that of foam or of a simulator with a weak spring. An impact law takes a contact as "
-            "an impulse at an instant between free flights, which these are not. Make the contact stiffer, until it "
-            "lasts a few milliseconds, or model its force over time instead."
+            "contact is soft, like that of foam or of a simulator with a weak spring. An impact law treats a contact "
+            "as an impulse at an instant between free flights, which does not hold here. Make the contact stiffer, so "
+            "that it lasts a few milliseconds, or model its force over time instead."
         )
 
 
 def lasting_contacts(
     samples: Samples, gap: np.ndarray, sigma: float, gravity: float, tumbles: bool = False
 ) -> LastingContacts | None:
-    """Contacts of more than `LONGER`; None if there are few, or if a wrong height of the surface explains them.
+    """Contacts longer than `LONGER`; None if there are few, or if a wrong height of the surface explains them.
 
-    `gap` (N,) is that of each sample in m, `sigma` its noise; `gravity` in m/s².  The lowest point of a body that
-    `tumbles` turns round without a force: there the depth must go with the speed.
+    `gap` (N,) is the gap of each sample in m, `sigma` its noise; `gravity` in m/s².  The lowest point of a body that
+    `tumbles` reverses without a force: its depth must then grow with the speed.
     """
     inside, t, n = gap < 0.0, samples.t, len(samples)
     joined = np.r_[False, samples.run[1:] == samples.run[:-1]][:n]
@@ -83,7 +83,7 @@ def lasting_contacts(
 
 
 def _by_speed(speed: np.ndarray, depth: np.ndarray) -> bool:
-    """Whether contacts are the deeper the faster they are, as no wrong height makes them."""
+    """Whether the depth of contacts grows with their speed, which a wrong height of the surface does not explain."""
     if np.ptp(speed) == 0.0 or np.ptp(depth) == 0.0:
         return False
     slope, _, low, _ = np.array(theilslopes(depth, speed)).tolist()
@@ -91,7 +91,7 @@ def _by_speed(speed: np.ndarray, depth: np.ndarray) -> bool:
 
 
 def _spread_out(t: np.ndarray, gap: np.ndarray, first: np.ndarray, end: np.ndarray, gravity: float) -> bool:
-    """Whether the velocity changes over the whole contact, and not at a corner; of those with `WITHIN` samples."""
+    """Whether the velocity changes over the whole contact, not at a corner, in contacts of `WITHIN` samples or more."""
     long = end - first >= WITHIN
     if long.sum() < FEWEST:
         return False

@@ -1,4 +1,4 @@
-"""The one place where `tracked: unknown` is settled: the pose of the tracked frame is what the tosses say of it."""
+"""Determine the pose of the tracked frame from the tosses, for datasets with `tracked: unknown`."""
 
 from dataclasses import replace
 
@@ -14,18 +14,18 @@ from thesis_lib.datasets.format.table_forms import QUATERNION
 from thesis_lib.datasets.space.tracked_frame import TrackedFrame, find_tracked_frame
 from thesis_lib.foundation.errors import UserError
 
-ELSEWHERE = (0.1, 0.2)  # extents of the body, and rad, from which on a stated frame is not the one that is found
-SURE = 4.0  # sigmas of what is found
+ELSEWHERE = (0.1, 0.2)  # extents of the body, and rad, from which a stated frame contradicts the frame found
+SURE = 4.0  # the same in sigmas of the frame found
 
 
 def settled(dataset: Dataset) -> Dataset:
-    """The dataset with the pose of its tracked frame: as it is if that is stated, else as its tosses say.
+    """The dataset with a known pose of its tracked frame: as stated, else as its tosses determine it.
 
-    Of a ball without orientation the tracked point is taken to be the centre of mass.  A single surface with a name is
-    the surface: beyond its extent nothing is hit that is as high.
+    For a ball without orientation the tracked point is taken to be the centre of mass.  A single named surface replaces
+    `surface`, without its extent: beyond the extent nothing is hit at that height.
 
     Raises:
-        UserError: `tracked` is unknown, and the data do not say it; says what is missing.
+        UserError: `tracked` is unknown, and the data do not determine it; the message names what is missing.
     """
     header = dataset.in_space
     if header.surfaces is not None and len(header.surfaces) == 1:
@@ -47,14 +47,14 @@ def settled(dataset: Dataset) -> Dataset:
 
 
 def tracked_frame_told(dataset: Dataset, compare: bool) -> str | None:
-    """Sentence on a tracked frame that is unknown or, to `compare`, stated; None if the tosses show nothing."""
+    """Sentence on an unknown tracked frame or, with `compare`, a stated one; None if the tosses do not determine it."""
     stated, body = dataset.in_space.tracked, dataset.in_space.body
     if dataset.trajectories is None or not dataset.has_angle or (stated is not None and not compare):
         return None
     try:
         found = _found(dataset)
     except UserError as error:
-        return None if stated is not None else f"the tracked frame is unknown, and not found: {error}"
+        return None if stated is not None else f"the tracked frame is unknown, and was not found: {error}"
     left = "".join(f"; open: {sentence}" for sentence in found.open)
     if stated is None:
         return found.text + left
@@ -66,17 +66,17 @@ def tracked_frame_told(dataset: Dataset, compare: bool) -> str | None:
     far = place > max(ELSEWHERE[0] * body.solid.extent, SURE * error.position)
     if not found.open and (far or turn > max(ELSEWHERE[1], SURE * error.rotation)):
         return (
-            f"{found.text}. That is {1e3 * place:.3g} mm and {np.degrees(turn):.3g}° from where dataset.yaml has it: "
+            f"{found.text}. That is {1e3 * place:.3g} mm and {np.degrees(turn):.3g}° from the pose in dataset.yaml: "
             "correct tracked, or write tracked: unknown"
         )
-    return f"tracked frame as stated, by {found.hits} hits and {found.rests} rests{left}"
+    return f"tracked frame as stated, according to {found.hits} hits and {found.rests} rests{left}"
 
 
 def _found(dataset: Dataset) -> TrackedFrame:
-    """Tracked frame from the tosses; UserError where they do not show it."""
+    """Tracked frame found from the tosses; UserError if they do not determine it."""
     table = dataset.trajectories
     if table is None or not dataset.has_angle:
-        raise UserError("it is found from trajectories with orientation only; give the pose.")
+        raise UserError("it can be found only from trajectories with orientation; give the pose.")
     whole = pd.DataFrame(table[np.isfinite(table["qw"].to_numpy(float))])
     trial, t, position = one_clock(whole)
     q = whole[list(QUATERNION)].to_numpy(float)

@@ -1,16 +1,16 @@
-"""Do the units and signs of header and trajectories agree?  Heuristics that must not misfire on real drops.
+"""Are the units and signs of header and trajectories consistent?  Heuristics that must not misfire on real drops.
 
 - y points down if bodies clearly fall towards larger y, whatever the stated surface.
 - Lengths are judged by their ratio to the body (positions always more than 300 extents from the surface) and by speeds
   (above 100 m/s).
-- x in another unit than y is recognised by noise of another size: one camera sees both.
+- Different units of x and y are recognised by their different noise: one camera measures both.
 - Gravity is measured in free flight (windows of samples that are parabolas).  A factor beyond any effect of a rig is an
   error, reported with its likely cause.
 - Angles are judged by lengths (`angles`), and not at all if lengths or the shape are in doubt.  Shape and surface are
   judged only if impacts were found (`known_body.contradictions`).
 
-Which way bodies fall is seen in short windows, without knowing where the impacts are.  A window inside one flight is a
-parabola with ÿ = −g.  A window that spans an impact is not a parabola, and is left out; a body that rests or is held
+The direction of the fall is found from short windows, without knowledge of the impacts.  A window inside one flight is
+a parabola with ÿ = −g.  A window that spans an impact is not a parabola, and is left out; a body that rests or is held
 has ÿ = 0.  If windows have ÿ near +g, and hardly any near −g, y points down.  The window is as short as the noise
 allows, so that it fits into the flight of a low bounce.
 
@@ -42,7 +42,7 @@ from thesis_lib.datasets.format.validate import MIN_SAMPLES, UsableRows, Validat
 LARGEST_GRAVITY = 100.0  # m/s²; 9810 mm/s² and 981 cm/s² lie beyond, planets do not
 DENSEST = 22_600.0  # kg/m³, osmium
 PRECISION = 0.1  # one sigma of ÿ/g: rest (0) and flight (1) are then ten sigmas apart
-ABOUT_G = (0.5, 2.0)  # |ÿ|/g that passes for a flight: y may be scaled a little wrong, which other checks judge
+ABOUT_G = (0.5, 2.0)  # |ÿ|/g accepted as a flight: y may be scaled slightly wrong, which other checks report
 SMALLEST_WINDOW = 5  # samples; recognising a parabola takes two degrees of freedom
 LARGEST_WINDOW = 1000
 PARABOLA = 3.0  # reduced chi² of a window that may pass for a parabola
@@ -140,7 +140,7 @@ def _first_acceleration(trial: np.ndarray, y: np.ndarray, dt: float) -> float:
 
 
 def _check_direction(table: UsableRows, samples: Samples, noise: np.ndarray, body: KnownBody) -> bool:
-    """Report y that points down, or a body below the surface; whether there is such a problem."""
+    """Report y that points down, or a body below the surface; return whether there is such a problem."""
     y = samples.q[:, 1]
     sunk = body.sunk(y)
     up, down, n = _flight_windows(samples, noise[1], body.gravity)
@@ -157,7 +157,7 @@ def _check_direction(table: UsableRows, samples: Samples, noise: np.ndarray, bod
 
 
 def _check_lengths(table: UsableRows, q: np.ndarray, speeds: dict, body: KnownBody, fall: float) -> bool:
-    """Report x or y in millimetres or centimetres; whether there is doubt.  `fall` is ÿ at release over −gravity."""
+    """Report x or y in millimetres or centimetres; return whether one is.  `fall` is ÿ at release over −gravity."""
     doubts = {}
     high = 0.0
     if body.shape is not None and not body.oversized:
@@ -178,7 +178,7 @@ def _check_lengths(table: UsableRows, q: np.ndarray, speeds: dict, body: KnownBo
 
 
 def _check_columns(table: UsableRows, samples: Samples, noise: np.ndarray, body: KnownBody) -> bool:
-    """Report x in another unit than y, or y than x; whether it is so."""
+    """Report x and y in different units; return whether they are."""
     if body.shape is None or body.oversized:
         return False
     found = unlike_column(noise[:2], samples.q[:, :2], body.shape.extent)
@@ -188,7 +188,7 @@ def _check_columns(table: UsableRows, samples: Samples, noise: np.ndarray, body:
 
 
 def _check_gravity(table: UsableRows, samples: Samples, noise: np.ndarray, body: KnownBody) -> bool:
-    """Report falls faster or slower than stated by a factor beyond any effect of a rig; whether there are any."""
+    """Report falls that differ from the stated gravity by more than any effect of a rig; return whether they do."""
     accelerations, n = _free_accelerations(samples, noise[1], FALL_PRECISION)
     falls = -accelerations[accelerations < -FALL_CLEAR * FALL_PRECISION] / body.gravity
     if len(falls) < 5 * n:
@@ -214,7 +214,7 @@ def _check_gravity(table: UsableRows, samples: Samples, noise: np.ndarray, body:
 
 
 def runs_of(trial: np.ndarray, t: np.ndarray) -> np.ndarray:
-    """Integers (N,) that are constant over the rows of a trial without a gap in the times `t` (N,), in s."""
+    """Run numbers (N,), constant over the rows of a trial without a gap in the times `t` (N,), in s."""
     step = np.diff(t)
     usable = (trial[1:] == trial[:-1]) & (step > 0.0)
     usual = np.median(step[usable]) if usable.any() else np.inf
@@ -222,9 +222,9 @@ def runs_of(trial: np.ndarray, t: np.ndarray) -> np.ndarray:
 
 
 def _free_accelerations(samples: Samples, sigma_y: float, precision: float) -> tuple[np.ndarray, int]:
-    """ÿ (m,) in m/s² of the windows of n samples that are parabolas, and n: as few as `precision` allows.
+    """Accelerations ÿ (m,) in m/s² of the windows of n samples that are parabolas, and n, as small as possible.
 
-    `precision` is one sigma of ÿ in m/s², `sigma_y` that of y in m.
+    `precision` is the one-sigma error of ÿ in m/s² that n samples must reach, `sigma_y` that of y in m.
     """
     inside = samples.run[1:] == samples.run[:-1]
     none = np.zeros(0), 1
@@ -247,7 +247,7 @@ def _free_accelerations(samples: Samples, sigma_y: float, precision: float) -> t
 
 
 def _flight_windows(samples: Samples, sigma_y: float, gravity: float) -> tuple[int, int, int]:
-    """Windows that accelerate by about `gravity` (m/s²) towards larger y, and towards smaller; their samples n.
+    """Numbers of windows that accelerate by about `gravity` (m/s²) towards larger and smaller y, and their length n.
 
     `sigma_y` is the noise of y in m.
     """

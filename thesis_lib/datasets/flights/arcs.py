@@ -14,9 +14,9 @@ The 19 unknowns of an impact, p = (q_c, v−, v+, u, t_c, w−, w+), minimise
 
     χ² = Σ_i ‖(q_i − q̂_i)/σ‖² + (φ_n(q_c)/s_φ)² + ‖u‖² + ‖w−‖² + ‖w+‖².                                       (3)
 
-Between walls φ_n is the gap to the wall that is hit: the nearest of those that push the body the way it went.
-The second term says that the body touches the surface at t_c, which determines t_c even if |Δv| is small; beside 20
-samples of decent noise it is too weak for a wrong surface height to move the result.
+Between walls φ_n is the gap to the wall that is hit: the nearest wall that can push the body in the direction of Δv.
+The second term requires contact with the surface at t_c, which determines t_c even if |Δv| is small; compared with 20
+samples of decent noise it is too weak for a wrong surface height to affect the result.
 
 Gauss-Newton steps δ solve H δ = b, where H is the information matrix; its inverse is the covariance of p:
 
@@ -29,12 +29,12 @@ where W = diag(1/σ²), J_n = ∂φ_n/∂q = (0, 1, r_x) and A_i = ∂q̂_i/∂p
 Each is a polynomial c_0 + c_1 τ + c_2 τ² on its side.  The sums in (4) therefore need only the moments Σ_i τ_i^k,
 k = 0 … 4, of the samples on each side, and n impacts are fitted at once without a Jacobian over samples.
 
-Where the air bends flights visibly (`samples.air`), what it makes of a path at v∓ is taken off the samples first, and
-its slope a'(v) τ²/2 added to ∂/∂v∓.
+Where the air bends flights visibly (`samples.air`), its effect on a path at v∓ is first subtracted from the samples,
+and its slope a'(v) τ²/2 is added to ∂/∂v∓.
 
-Why d: impulses along different axes do not act at quite the same instant of a contact of 1 ms, and the arcs miss each
-other by a fraction of |Δv| × 1 ms, which is large beside the 0.03 mm of a good tracker.  Why a: air, guides and cables
-slow a body in flight.  `find_impacts` estimates s and s_a; each is 0 if noise explains everything.
+Reason for d: impulses along different axes do not act at the same instant of a contact of 1 ms, so the arcs miss each
+other by a fraction of |Δv| × 1 ms, which is large beside the 0.03 mm of a good tracker.  Reason for a: air, guides and
+cables slow a body in flight.  `find_impacts` estimates s and s_a; each is 0 if noise explains everything.
 
 Source: parabolas on either side, thesis section 3.4.  Joint fit and covariance are our own.
 """
@@ -58,9 +58,9 @@ _PARAMETERS = 19
 _DAMPING = np.array([10.0] * 3 + [1e3] * 3 + [1e3] * 3 + [1e6] * 3 + [1.0] + [1e6] * 6)
 _SETTLE = 4  # iterations after which samples keep their sides, so that the fit converges
 _ITERATIONS = 12
-_NEAR_A_WALL = 0.5  # extents; walls may stand elsewhere than dataset.yaml says
+_NEAR_A_WALL = 0.5  # extents; walls may stand elsewhere than stated in dataset.yaml
 _REST = 9.0  # chi² (3 sigmas) by which rest must beat free fall to be believed
-_OFTEN = 0.3  # share of the impacts; dice, which rattle to rest, have 0.24
+_OFTEN = 0.3  # share of impacts that end at rest; dice, which rattle to rest, have 0.24
 _SIGNIFICANT = 4.0  # sigmas of a chi² (normal approximation): a few in 10 000 good arcs seem bent by chance
 
 
@@ -68,7 +68,7 @@ _SIGNIFICANT = 4.0  # sigmas of a chi² (normal approximation): a few in 10 000 
 class ArcFits:
     """Two-arc fits of n detected impacts (used or not), ordered by trial and time.
 
-    Misfits are those of free arcs, which need not meet; m and rad, a side each for before and after.
+    Misfits refer to free arcs, which need not meet; units are m and rad; two sides: before and after.
     """
 
     at: np.ndarray  # (n,) index of the last sample before t
@@ -96,9 +96,9 @@ class ArcFits:
     gap: np.ndarray  # gap, gap_std: (n,) m, distance φ_n from the surface at t_c without the touch measurement
     gap_std: np.ndarray
     at_wall: np.ndarray  # (n,) whether both arcs come near a wall; True on one surface
-    converged: np.ndarray  # (n,) whether the iteration came to rest within a few samples of the detected instant
+    converged: np.ndarray  # (n,) whether the iteration converged within a few samples of the detected instant
     lag1: np.ndarray  # (n, 3) lag-one product sum of the residuals over `ss_free`, both sides together
-    surface: np.ndarray  # (n,) number of the wall in whose frame the fit is; 0 as it was filmed, or on one surface
+    surface: np.ndarray  # (n,) number of the wall in whose frame the fit is; 0 as recorded, or on one surface
 
     def __len__(self) -> int:
         return len(self.t)
@@ -118,7 +118,7 @@ class ArcFits:
 
     @property
     def flying(self) -> "ArcFits":
-        """Fits of arcs after which the body does not rest, if it rests so often that medians would not ignore it."""
+        """Fits without those after which the body rests, if these are too many for medians to ignore; else all fits."""
         lands = (self.fall[:, 0] > _REST) & (self.fall[:, 1] < -_REST)
         if lands.sum() <= _OFTEN * len(self):
             return self
@@ -193,7 +193,7 @@ def fit_arcs(
     covariance = np.linalg.inv(hessian)
     gap = _touch(p, windows, header)[0]
     gap_variance = np.einsum("np,npq,nq->n", touch, covariance, touch)
-    # 1/var = 1/var_free + 1/s_φ²: undo the shrinking of the gap by the touch
+    # 1/var = 1/var_free + 1/s_φ²: undo the shrinking of the gap by the touch term
     share = np.where(at_wall, np.clip(1.0 - gap_variance / settings.touch_sigma**2, 1e-6, 1.0), 1.0)
     scale = 1.0 / np.sqrt(np.einsum("nii->ni", covariance))
     t = p[:, _T]
@@ -228,7 +228,7 @@ def bends(chi2: np.ndarray, count: np.ndarray, limit: float) -> np.ndarray:
 
 
 def _parabolas(p: np.ndarray, tau: np.ndarray, q: np.ndarray, air: Air | None, gravity: float) -> np.ndarray:
-    """Poses q (n, W, 3) less what the air has made of them since the impact, at the velocities in p."""
+    """Poses q (n, W, 3) without the effect of the air since the impact, at the velocities in p."""
     return q if air is None else q - air.beyond(tau, p[:, _PRE], p[:, _POST], gravity)
 
 
@@ -270,8 +270,8 @@ def _normal_equations(
 
     `p` (n, P) are the unknowns, P = 19, or 13 without stray acceleration; `side` (n, 2, W) is 1 for the samples used
     before and after, else 0; `tau` (n, W) in s and `q` (n, W, 3) are relative to t_c and q_0; `weight` (3,) is 1/σ²,
-    `gravity` in m/s², `offset` (n, 3) is s |Δv| (1, 1, 1/k), one sigma of d, and `stray` (3,) s_a.  What `air` makes of
-    the path is no longer in `q`.
+    `gravity` in m/s², `offset` (n, 3) is s |Δv| (1, 1, 1/k), one sigma of d, and `stray` (3,) s_a.  The effect of
+    `air` is already removed from `q`.
     """
     n, size = p.shape
     with_stray = size > _T + 1

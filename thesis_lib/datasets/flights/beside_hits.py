@@ -1,13 +1,13 @@
-"""Positions, attitudes and their rates beside impacts in space, from samples on either side.
+"""Positions, attitudes and their rates just before and after impacts in space, from the samples on either side.
 
-Positions are lines through the samples, as in the plane (`datasets/flights/lines.py`).  Attitudes turn too far for
-lines: the attitude and the spin at the impact are fitted to the believed torque-free flight, by Gauss and Newton on its
-columns,
+Positions follow from lines through the samples, as in the plane (`datasets/flights/lines.py`).  Attitudes turn too far
+for lines: attitude and spin at the impact are fitted with the torque-free motion of the believed body, by Gauss-Newton
+steps on its derivatives,
 
     φ_k = Φ_q(τ_k) δφ + Φ_ω(τ_k) δω,    φ_k the turn from the believed to the measured attitude at τ_k.
 
 Straight lines through rotation vectors err by 0.8, 1.8 and 7 rad/s at 10, 15 and 30 rad/s of a tumbling box (250 Hz,
-25 samples of 3 mrad); this fit by the noise alone, 0.02 rad/s.
+25 samples of 3 mrad); this fit errs only by the noise, 0.02 rad/s.
 
 | on paper | in code       | unit       | shape           |                                                      |
 |----------|---------------|------------|-----------------|------------------------------------------------------|
@@ -22,8 +22,8 @@ from thesis_lib.datasets.flights.lines import SideLines, bows, lines_through, no
 from thesis_lib.mechanics.free_motion import attitudes, columns
 from thesis_lib.mechanics.space import SPACE
 
-ROUNDS = 6  # most steps to the attitude and spin
-SETTLED = 1e-7  # rad and rad/s, of a step that is the last; the noise of a camera is a thousand times larger
+ROUNDS = 6  # largest number of steps to the attitude and spin
+SETTLED = 1e-7  # rad and rad/s; smaller steps end the iteration; camera noise is a thousand times larger
 
 
 def fit_windows(
@@ -58,11 +58,11 @@ def fit_turning(
     """Attitude (4, n) and spin (3, n) at time 0, and their covariance (n, 6, 6) for unit noise, of n free flights.
 
     Args:
-        attitude: (n, W, 4) samples at `tau` (n, W) in s, of which those are fitted that are `used` (n, W).
+        attitude: (n, W, 4) samples at `tau` (n, W) in s; those marked in `used` (n, W) are fitted.
         G: (3, 3) believed inertia per mass in m², axes of the body.
     """
     measured = np.moveaxis(attitude, -1, 0)  # (4, n, W)
-    tau = np.where(used, tau, 0.0)  # other times may be those of another flight
+    tau = np.where(used, tau, 0.0)  # other samples may belong to another flight
     q, spin, interval = _start(measured, tau, used)
     times, measured = tau.T, np.swapaxes(measured, 1, 2)  # (W, n), (4, W, n)
     weight = used.T.astype(float)
@@ -72,7 +72,7 @@ def fit_turning(
         J = columns(q, spin, G, times)  # (3, 6, W, n)
         normal = np.einsum("kiwn,kjwn,wn->nij", J, J, weight)
         step = np.linalg.solve(normal, np.einsum("kiwn,kwn,wn->ni", J, left, weight)[..., None])[..., 0].T
-        step = np.where(np.linalg.norm(spin + step[3:], axis=0) * interval < np.pi, step, 0.0)  # no faster one is seen
+        step = np.where(np.linalg.norm(spin + step[3:], axis=0) * interval < np.pi, step, 0.0)  # unresolved if faster
         q, spin = SPACE.attitude_after(q, step[:3]), spin + step[3:]
         if np.abs(step).max(initial=0.0) < SETTLED:
             break
@@ -80,8 +80,8 @@ def fit_turning(
 
 
 def _start(measured: np.ndarray, tau: np.ndarray, used: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Attitude (4, n) and spin (3, n) at the impact by the two used samples that are next to it, and the time (n,) in s
-    between these."""
+    """Attitude (4, n) and spin (3, n) at the impact from the two used samples nearest to it, and the time (n,) in s
+    between them."""
     bodies = np.arange(len(tau))
     order = np.argsort(np.where(used, np.abs(tau), np.inf), axis=1)
     (t_0, q_0), (t_1, q_1) = ((tau[bodies, at], measured[:, bodies, at]) for at in (order[:, 0], order[:, 1]))
@@ -92,8 +92,8 @@ def _start(measured: np.ndarray, tau: np.ndarray, used: np.ndarray) -> tuple[np.
 def turns_left(
     fitted: SideLines, side: int, pose: np.ndarray, tau: np.ndarray, used: np.ndarray, G: np.ndarray
 ) -> np.ndarray:
-    """Turns (n, W, 3) in rad from torque-free motion to the attitudes of one side, 0 of what is not used; as
-    `fit_windows`."""
+    """Turns (n, W, 3) in rad from torque-free motion to the attitudes of one side, 0 for samples that are not used;
+    arguments as in `fit_windows`."""
     times = np.where(used[:, side], tau, 0.0).T
     believed, _ = attitudes(fitted.value[:, side, 3:].T, fitted.slope[:, side, 3:].T, G, times)
     left = SPACE.turn_between(believed, np.moveaxis(pose[:, :, 3:], -1, 0).swapaxes(1, 2))

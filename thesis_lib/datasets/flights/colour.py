@@ -1,22 +1,22 @@
-"""Colour of the noise: how much worse it makes the velocity of an arc than white noise of the same size would.
+"""Colour of the noise: its factor on the variance of an arc's velocity, compared with white noise of the same size.
 
 The velocity of an arc of n samples is the slope c·q of the line through them.  For stationary noise with covariance R
 it has the variance cᵀ R c, and with white noise of variance σ² it would have σ² c·c:
 
     colour = cᵀ R c / (σ² c·c)
 
-R comes from all long flights.  With M, which takes out a parabola, and u_k, the k-th vector of the discrete cosine
+R is estimated from all long flights.  With M, which removes a parabola, and u_k, the k-th vector of the discrete cosine
 transform of N samples, the power of the noise near k half-waves per flight is
 
-    P_k = mean of the lesser 80 % of (u_k · M q)² over flights / 0.44,        E P_k = u_kᵀ M R M u_k,       k ≥ 3
+    P_k = mean of the lower 80 % of (u_k · M q)² over flights / 0.44,        E P_k = u_kᵀ M R M u_k,       k ≥ 3
 
 R = Σ_j w_j R_j with w_j ≥ 0 is noise whose spectrum falls with frequency, a sum of boxes from 0 to the cutoff f_j:
 
     R_j(l) = 2 f_j sinc(2 f_j l)        at l samples apart, f_j in cycles per sample; f = 1/2 is white noise
 
-and w minimises Σ_k (P_k − E P_k)² / P_k².  What all flights share is taken out before: air drag bends them alike.  The
-lesser 80 % hold no flight with an undetected hit.  Slow noise makes a flight look bent or displaced, and not noisy: it
-takes flights longer than an arc to see it.  Below the lowest k the spectrum is taken as flat.
+and w minimises Σ_k (P_k − E P_k)² / P_k².  The common part of all flights is removed before: air drag bends them alike.
+The lower 80 % contain no flight with an undetected hit.  Slow noise makes a flight look bent or displaced, not noisy:
+only flights longer than an arc show it.  Below the lowest k the spectrum is assumed to be flat.
 """
 
 import numpy as np
@@ -28,18 +28,18 @@ from thesis_lib.datasets.format.samples import Samples, is_uneven
 
 SHORTEST = 12
 ENOUGH = 30  # flights
-FIRST = 3  # half-waves; a parabola takes the longer ones
+FIRST = 3  # half-waves; a parabola absorbs longer ones
 CUTOFFS = 0.5 * 2.0 ** (-0.5 * np.arange(13))  # cycles per sample; waves of 2 to 128 samples
 KEPT = 0.8  # share of the flights
 _MEAN_OF_KEPT = 0.4377  # chi² with one degree of freedom below its 80th percentile: its mean
 _ROUNDS = 4  # of weights 1/E P_k
-_LEAST = 0.1  # of the largest power: what is smaller does not bear on the slope
+_LEAST = 0.1  # of the largest power: smaller powers do not affect the slope
 
 
 def long_flights(samples: Samples, at: np.ndarray, t: np.ndarray, guard: float, longest: int) -> list[np.ndarray]:
     """Poses (m, N, 3) at the ends of flights that end with a hit, for up to two N: few long ones, many shorter ones.
 
-    Where time stamps are irregular a parabola in time is taken out of them.
+    If time stamps are irregular, a parabola in time is removed from the poses.
 
     Hits happen at times `t` (n,) in s, ascending by trial, after samples `at` (n,); samples within `guard` (s) of one
     belong to no flight.  N is at most `longest`; at least `ENOUGH` flights have it.
@@ -69,7 +69,7 @@ def long_flights(samples: Samples, at: np.ndarray, t: np.ndarray, guard: float, 
 
 
 def _as_if_evenly_spaced(samples: Samples, rows: np.ndarray) -> np.ndarray:
-    """Poses (m, N, 3) at `rows` (m, N); where the steps differ, what a parabola in time leaves of them."""
+    """Poses (m, N, 3) at `rows` (m, N); where the steps differ, their residuals from a parabola in time."""
     q, t = samples.without_air()[rows], samples.t[rows]
     uneven = is_uneven(t)
     if uneven.any():
@@ -81,7 +81,7 @@ def _as_if_evenly_spaced(samples: Samples, rows: np.ndarray) -> np.ndarray:
 
 
 def slope_variance(flights: list[np.ndarray], n: int) -> np.ndarray:
-    """cᵀ R c (3,), in units of a pose² per sampling interval², of a line through n samples; see the module.
+    """Variance cᵀ R c (3,) of the slope of a line through n samples, in units of a pose² per sampling interval².
 
     `flights` holds poses (m, N, 3), equally spaced, of m flights of N samples each.
     """
@@ -100,7 +100,7 @@ def slope_variance(flights: list[np.ndarray], n: int) -> np.ndarray:
 
 
 def _powers(poses: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """u_kᵀ M R_j M u_k (k, components) and P_k (k, 3) of flights `poses` (m, N, 3)."""
+    """Expected powers u_kᵀ M R_j M u_k (k, components) and measured P_k (k, 3) of flights `poses` (m, N, 3)."""
     N = poses.shape[1]
     basis = np.linalg.qr(np.vander(np.linspace(-1.0, 1.0, N), 3))[0]
     waves = np.asarray(idct(np.eye(N), norm="ortho", axis=0))[:, FIRST:]
@@ -113,13 +113,13 @@ def _powers(poses: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _correlations(size: int) -> np.ndarray:
-    """R_j (cutoffs, size, size)."""
+    """Correlation matrices R_j (cutoffs, size, size)."""
     lag = np.arange(size)
     return np.array([toeplitz(2.0 * f * np.sinc(2.0 * f * lag)) for f in CUTOFFS])
 
 
 def _weights(expected: np.ndarray, power: np.ndarray, weight: np.ndarray) -> np.ndarray:
-    """w ≥ 0 (cutoffs,) with `expected` (k, cutoffs) @ w near `power` (k,); `weight` (k,) is on the relative errors."""
+    """w ≥ 0 (cutoffs,) with `expected` (k, cutoffs) @ w near `power` (k,); `weight` (k,) weights relative errors."""
     scale = np.maximum(power, _LEAST * power.max() + 1e-300)
     w = np.zeros(expected.shape[1])
     for _ in range(_ROUNDS):

@@ -1,13 +1,13 @@
-"""Drag of the air on a body in flight, from short pieces of its path, before any hit is known.
+"""Air drag on a body in flight, estimated from short pieces of its path before any hit is known.
 
-A parabola is fitted to every piece of w samples.  A piece that holds a hit is not a parabola, and one in which the body
+A parabola is fitted to every piece of w samples.  A piece with a hit is not a parabola, and a piece in which the body
 rests does not fall; the others give the acceleration beyond gravity at their mean velocity,
 
     r = −(c_v + c_q |v|) v + (c_l |v| + k_m ω) (−v_y, v_x) + constant,
 
-a linear regression with bisquare weights.  The constant (a tilt, a wrong gravity) is not due to the air and stays out
-of the result.  Of linear and quadratic drag the one is taken that explains more; lift is added if it is as clear.  w is
-the most precise one: the variance of r falls with w⁵, but longer pieces hold more hits.
+a linear regression with bisquare weights.  The constant (a tilt, a wrong gravity) is not due to the air and is not
+part of the result.  Linear or quadratic drag is used, whichever explains more; lift is added if it is as clear.  w is
+chosen for precision: the variance of r falls with w⁵, but longer pieces contain more hits.
 """
 
 from dataclasses import dataclass
@@ -22,10 +22,10 @@ from thesis_lib.statistics.spread import robust_std
 SIZES = (8, 12, 16, 24, 32, 48)  # samples
 FEWEST = 24  # pieces
 PARABOLA = 2.0  # reduced chi² of a piece
-CLEAR = 8.0  # standard errors of a coefficient; pieces that hold weak hits widen them, but not enough
-REST = 0.5  # share of gravity by which a piece must fall to fly
+CLEAR = 8.0  # standard errors of a coefficient; pieces with weak hits widen them, but not enough
+REST = 0.5  # share of gravity with which a piece must fall to count as flight
 FAST = 0.9  # quantile of the accelerations that must not bend the lines of the detector
-SLOWED = 0.15  # share of the velocity; second order in it is then 0.4 %
+SLOWED = 0.15  # largest lost share of the velocity; its second order is then 0.4 %
 SHORTEST = 8  # samples
 _BISQUARE, _ROUNDS = 4.685, 20
 
@@ -40,7 +40,7 @@ class _Pieces:
 
 
 def air_in(samples: Samples, sigma: np.ndarray, header: Header) -> Air | None:
-    """The forces of the air that pieces of `samples` show clearly; None without gravity, at walls, or if none does.
+    """Air forces that pieces of `samples` show clearly; None without gravity, at walls, or if there are none.
 
     `sigma` (3,) is the noise of x, y, θ in m, m, rad.
     """
@@ -60,9 +60,9 @@ def air_in(samples: Samples, sigma: np.ndarray, header: Header) -> Air | None:
 
 
 def drag_in_space(samples: Samples, sigma: float, gravity: float) -> AirInSpace | None:
-    """The drag that pieces of a path in space show clearly; None if they do not.
+    """Air drag that pieces of a path in space show clearly; None if there is none.
 
-    `samples` have places in m, the second coordinate upwards, with the noise `sigma` in m.
+    `samples` have positions in m, the second coordinate upwards, with the noise `sigma` in m.
     """
     if gravity == 0.0 or not len(samples):
         return None
@@ -76,7 +76,7 @@ def drag_in_space(samples: Samples, sigma: float, gravity: float) -> AirInSpace 
 
 
 def breaks_lines(air: Air, samples: Samples, sigma: np.ndarray, settings: ArcSettings) -> bool:
-    """Whether the air bends free flights so that the detector takes the bend for a hit."""
+    """Whether the air bends free flights so much that the detector takes the bend for a hit."""
     v, interval = _steps(samples)
     w = max(settings.scales)
     size = np.quantile(np.hypot(*air.acceleration(v)[:, :2].T), FAST) if len(v) else 0.0
@@ -86,7 +86,7 @@ def breaks_lines(air: Air, samples: Samples, sigma: np.ndarray, settings: ArcSet
 
 
 def window_in(air: Air, samples: Samples, settings: ArcSettings) -> int:
-    """Samples on a side in which the air takes at most the share `SLOWED` of the velocity: the arcs expand in it."""
+    """Samples per side over which the air takes at most `SLOWED` of the velocity; the arcs are an expansion in it."""
     v, interval = _steps(samples)
     speed = np.maximum(np.hypot(*v[:, :2].T), 1e-9)
     rate = float(np.quantile(np.hypot(*air.acceleration(v)[:, :2].T) / speed, FAST)) if len(v) else 0.0
@@ -111,13 +111,13 @@ def air_sentence(air: Air) -> str:
     if not air.c_l:
         return said
     return (
-        f"{said} Lift goes with the spin, which is not measured: no effect of the library stands for it, and what is "
-        "named for the flights may stand in for it."
+        f"{said} Lift depends on the spin, which is not measured: no effect of the library describes it, and effects "
+        "named for the flights may be confounded with it."
     )
 
 
 def _best_pieces(samples: Samples, sigma: np.ndarray, gravity: float, lengths: int) -> _Pieces | None:
-    """The pieces of the size that is most precise; None if there are few of any."""
+    """The pieces of the most precise size; None if there are too few of every size."""
     found = [one for size in SIZES if len((one := _pieces(samples, sigma, gravity, size, lengths)).v) >= FEWEST]
     return max(found, key=lambda one: len(one.v) / float(np.mean(one.noise**2)), default=None)
 
@@ -147,7 +147,7 @@ def _pieces(samples: Samples, sigma: np.ndarray, gravity: float, size: int, leng
 
 @dataclass(frozen=True)
 class _Fitted:
-    """Coefficients with standard errors, robust sum of squares left, and one sigma beyond noise of it in m/s²."""
+    """Coefficients, standard errors, robust residual sum of squares, and scatter beyond noise (one sigma, m/s²)."""
 
     value: np.ndarray
     std: np.ndarray

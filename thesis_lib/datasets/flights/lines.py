@@ -1,11 +1,11 @@
 """Samples of the flights before and after many impacts at once, and the straight lines through them.
 
 The window of an impact is W samples about its detected instant.  Gaps in time, the ends of the trial and neighbouring
-hits end a flight; samples within `guard` of an instant may lie in the contact and belong to neither flight.  As a fit
+hits end a flight; samples within `guard` of an instant may lie in the contact and belong to neither flight.  When a fit
 moves the instant t_c, samples change sides.
 
 Of W samples around an impact, `side` (n, 2, W) is 1 for those used before and after it, else 0.  The line of a side
-without samples is 0, with spread 0; callers look at `count` and `spread`.
+without samples is 0, with spread 0; callers check `count` and `spread`.
 
 A line through a parabola with acceleration a has
 
@@ -16,7 +16,7 @@ and for any smooth path f(τ) it has value and slope Σ_k w_k f(τ_k) over a few
 | on paper     | in code            | unit          | shape      |                                             |
 |--------------|--------------------|---------------|------------|---------------------------------------------|
 | value, slope | `value`, `slope`   | m, rad; m/s, rad/s | (n, 2, 3) | of the lines before and after at t_c     |
-| b_0, b_1     | `bow`              | s², s         | (n, 2, 2)  | see above                                   |
+| b_0, b_1     | `bow`              | s², s         | (n, 2, 2)  | curvature of the line fit, see above        |
 | C            | `cov`              | m², m²/s, …   | (n, 2, 3, 2, 2) | covariance of (value, slope), by channel |
 | τ_k, w_k     | `nodes`, `weights` | s; 1, 1/s     | (n, 2, K), (n, 2, 2, K) | first, last node: ends of samples |
 """
@@ -28,7 +28,7 @@ from numpy.polynomial.legendre import legvander
 
 from thesis_lib.datasets.format.samples import ArcSettings, Samples
 
-_WALK = 3  # samples by which t_c may leave the detected instant: the detector is that coarse for weak hits
+_WALK = 3  # samples by which t_c may differ from the detected instant: the error of the detector for weak hits
 NODES = 8  # exact to 1e-6 of its size for a path that turns by 2.5 rad in a window of 0.1 s
 
 
@@ -38,7 +38,7 @@ def rank(side: np.ndarray) -> np.ndarray:
 
 
 def ranked(used: np.ndarray, way: int) -> np.ndarray:
-    """The same on one side (m, W); `way` is −1 before the impact and 1 after it."""
+    """Rank of the used samples of one side (m, W); `way` is −1 before the impact and 1 after it."""
     return np.cumsum(used[:, ::way], axis=1)[:, ::way]
 
 
@@ -56,7 +56,7 @@ class Windows:
     same_trial: np.ndarray  # (n − 1,) whether an impact and the next one belong to the same trial
 
     def moved(self, t: np.ndarray) -> np.ndarray:
-        """Samples (n,) by which the instants t (n,), relative to t_0, are later than the detected ones."""
+        """Number of samples (n,) by which the instants t (n,), relative to t_0, are later than the detected ones."""
         passed = self.usable & (t[:, None] >= self.t)
         before = np.arange(self.t.shape[1]) < self.t.shape[1] // 2
         return (passed & ~before).sum(1) - (self.usable & before & ~passed).sum(1)
@@ -65,7 +65,7 @@ class Windows:
 def windows_around(samples: Samples, at: np.ndarray, size: int, beyond: int = 1) -> Windows:
     """The `size` + 1 samples on either side of the instants after the samples `at` (n,).
 
-    They hold as many samples `beyond` neighbouring hits, which may be detected a sample early or late.
+    They include `beyond` samples past neighbouring hits, which may be detected a sample early or late.
     """
     last = len(samples) - 1
     index = at[:, None] + np.arange(-size, size + 2)
@@ -86,7 +86,7 @@ def windows_around(samples: Samples, at: np.ndarray, size: int, beyond: int = 1)
 
 
 def _bounds(samples: Samples, at: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Bounds (n,) of t_c in s: some samples either way, within the trial and half-way to the next hit."""
+    """Bounds (n,) of t_c in s: a few samples either way, within the trial and half-way to the next hit."""
     first = np.searchsorted(samples.trial, samples.trial[at], side="left")
     last = np.searchsorted(samples.trial, samples.trial[at], side="right") - 1
     half_way = at[:-1] + (np.diff(at) + 1) // 2
@@ -137,9 +137,9 @@ def lines_through(side: np.ndarray, tau: np.ndarray, q: np.ndarray) -> Lines:
 
 @dataclass(frozen=True)
 class SideLines:
-    """Lines fitted on both sides of n impacts; the arrays of `Observations` with these names.
+    """Lines fitted on both sides of n impacts; arrays as in `Observations`, by name.
 
-    As in the module's table; in space value (n, 2, 7) is a place and a quaternion, slope (n, 2, 6) is in m/s and rad/s.
+    As in the module's table; in space value (n, 2, 7) is a position and a quaternion, slope (n, 2, 6) in m/s and rad/s.
     `cov` (n, 2, 3, 2, 2), in space (n, 2, 12, 12), is as in `Observations`; NaN with too few samples.
     """
 
@@ -151,7 +151,7 @@ class SideLines:
     weights: np.ndarray
 
     def with_after(self, others: "SideLines") -> "SideLines":
-        """The lines before, with those after of `others`."""
+        """These lines before the impacts, with the lines of `others` after them."""
         pairs = ((getattr(self, field.name), getattr(others, field.name)) for field in fields(self))
         return SideLines(*(np.stack([before[:, 0], after[:, 1]], axis=1) for before, after in pairs))
 
@@ -161,7 +161,7 @@ def side_lines(
 ) -> SideLines:
     """Lines at instants (trial, t), (n,), through at most `most` (n, 2) samples within `edges` (n, 4) of flights.
 
-    `variance` (3,) is that of a sample of x, y, θ in m², m², rad².
+    `variance` (3,) is the variance of a sample of x, y, θ in m², m², rad².
     """
     width = int(most.max(initial=1)) + 1
     index, inside = samples.around(samples.position(trial, t), trial, -width, width)
@@ -189,13 +189,13 @@ def unit_covariance(lines: Lines) -> np.ndarray:
 
 
 def bows(side: np.ndarray, tau: np.ndarray) -> np.ndarray:
-    """(b_0, b_1) (n, 2, 2) of the lines through τ²/2."""
+    """Curvature (b_0, b_1) (n, 2, 2) of line fits, from the lines through τ²/2."""
     parabola = lines_through(side, tau, 0.5 * tau[..., None] ** 2)
     return np.concatenate([parabola.value, parabola.slope], axis=2)
 
 
 def bow(side: np.ndarray, tau: np.ndarray, lines: Lines) -> tuple[np.ndarray, ...]:
-    """Of the samples used: residuals of lines (n, 2, W, 3), their sums of squares (n, 2, 3), b (n, 2, W, 1), the
+    """For the samples used: residuals of lines (n, 2, W, 3), their sums of squares (n, 2, 3), b (n, 2, W, 1), the
     best-fitting acceleration (n, 2, 3), and Σ b² (n, 2, 1), 0 with fewer than three samples."""
     residual = lines.residual * side[..., None]
     b = lines_through(side, tau, 0.5 * tau[..., None] ** 2).residual * side[..., None]

@@ -1,25 +1,25 @@
-"""The low-pass filter that smoothed the samples, from how far corners at impacts are rounded.
+"""The low-pass filter that smoothed the samples, estimated from the rounding of corners at impacts.
 
 A filter with impulse response h (of unit area; its mean is the delay, and time is counted from there) changes a path
 whose velocity jumps by Δv at τ = 0 by Δv r(τ), and a parabola of acceleration a by a constant:
 
     r(τ) = ∫ (τ − s)⁺ h(s) ds − τ⁺,      ∫ r dτ = m₂/2,      parabola + a m₂/2,      m₂ = ∫ s² h(s) ds.           (1)
 
-T_r = r(0), by which a corner misses its tip, is the filter's time constant.  Of filters with |H| = 1/√2 at ω_c it is
+T_r = r(0), by which a corner misses its tip, is the time constant.  For filters with |H| = 1/√2 at ω_c it is
 
     T_r ω_c = 0.35 (moving average), 0.33 (Gaussian), 0.28 (second-order Butterworth, once or forwards and backwards),
               0.29 (Kalman smoother of constant acceleration)                                                       (2)
 
-so that ω_c = 0.31/T_r holds to an eighth for all of them.  m₂ is σ² of a Gaussian filter and W²/12 of a moving average
-of width W; filters whose gain is flat to second order, as the last two, have m₂ = 0 and leave a parabola where it was.
+so ω_c = 0.31/T_r within an eighth for all of them.  m₂ is σ² for a Gaussian filter and W²/12 for a moving average
+of width W; filters with a gain that is flat to second order, as the last two, have m₂ = 0 and do not move a parabola.
 
-A median of neighbours cuts a tip off as well, but moves no path that rises or falls throughout, nor a parabola; and
-where gravity is believed wrongly, arcs err along it.  Both show only in the coordinate that falls: where the others
-differ from it, m₂ is theirs.
+A median of neighbours also cuts a tip off, but does not move a monotonic path or a parabola; and if the assumed gravity
+is wrong, arcs err along it.  Both affect only the coordinate that falls: if the other coordinates give another m₂,
+theirs is used.
 
-A contact sinks in as a filter cannot, but rounds the corner as well: a force of half a sine of duration T does so as
-if it were h, T_r = T (1/4 − 1/(2π)) with T ≈ 2 τ.  One after the other two filters have √(T₁² + T₂²), as two Gaussian
-ones have; that of the contact is taken off.  Near its tip
+During a contact the body sinks in, which no filter imitates, but the corner is rounded as well: a half-sine force of
+duration T acts like h, with T_r = T (1/4 − 1/(2π)) and T ≈ 2 τ.  Two filters in series have √(T₁² + T₂²), as for
+Gaussian filters; the share of the contact is removed.  Near its tip
 
     r(τ) + |τ|/2 = T_r + h(0) τ²/2,      h(0) = 1/(2π T_r)    (Gaussian),                                            (3)
 
@@ -38,12 +38,12 @@ OF_CUTOFF, SPREAD = 0.31, 0.12  # T_r ω_c, and its relative spread between kind
 OF_CONTACT = 2.0 * (0.25 - 0.5 / np.pi)  # T_r / τ of a contact
 CLEAR = 3.0  # standard errors
 FEWEST = 12  # impacts with a sample next to them
-ARC = 6  # samples on either side: shorter arcs say too little of the path without the filter
+ARC = 6  # samples on either side: shorter arcs do not determine the path without the filter
 
 
 @dataclass(frozen=True)
 class LowPass:
-    """A filter as its time constant T_r and second moment m₂, (1), with standard errors; s and s²."""
+    """A filter, by its time constant T_r in s and second moment m₂ in s², (1), with standard errors."""
 
     time_constant: float
     time_constant_std: float
@@ -52,13 +52,13 @@ class LowPass:
 
     @property
     def cutoff(self) -> tuple[float, float]:
-        """Cutoff frequency in Hz, at which a motion is written 1/√2 as large, and its standard error (2)."""
+        """Cutoff frequency in Hz, at which amplitudes are reduced to 1/√2, and its standard error (2)."""
         value = OF_CUTOFF / (2.0 * np.pi * self.time_constant)
         return value, value * float(np.hypot(SPREAD, self.time_constant_std / self.time_constant))
 
     @property
     def moves_parabolas(self) -> bool:
-        """Whether m₂ is more than chance."""
+        """Whether m₂ is significantly above 0."""
         return self.second_moment > CLEAR * self.second_moment_std
 
     def content(self) -> dict:
@@ -98,11 +98,11 @@ def low_pass_of(
     interval: float,
     touch_time: float,
 ) -> LowPass | None:
-    """The filter that rounds corners at impacts beyond what contacts of τ = `touch_time` do; None if none does.
+    """The filter that rounds corners at impacts more than contacts of τ = `touch_time` do; None if there is none.
 
     The arcs beside `corners` must have left out the samples within `guard` of an impact; `sigma` (3,) is the noise of
     the coordinates of `samples`, the second of which falls by `gravity` in m/s²; the other times are in s, `interval`
-    that between samples.
+    is the sampling interval.
     """
     windows = windows_around(samples, corners.at, int(np.ceil(guard / interval)) + 2)
     tau = windows.t - (corners.t - windows.t_0)[:, None]
@@ -132,11 +132,11 @@ def low_pass_of(
     if constant < max(CLEAR * constant_std, contact):
         return None
     found = LowPass(constant, float(constant_std), moment, moment_std)
-    # samples show no filter beyond half their rate
+    # no cutoff above half the sampling rate can be seen
     return found if found.cutoff[0] < 0.5 / interval else None
 
 
 def _along(off: np.ndarray, jump: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """r(τ) (n, W), deviations `off` (n, W, c) along the change Δv `jump` (n, c) of the velocity over it, and |Δv|²."""
+    """r(τ) (n, W), the deviations `off` (n, W, c) along the velocity change `jump` (n, c) over its size; and |Δv|²."""
     size = (jump**2).sum(1)
     return np.einsum("nwc,nc->nw", off, jump) / np.where(size, size, 1.0)[:, None], size

@@ -1,7 +1,7 @@
 """How well free arcs describe the samples on either side of an impact, for the quality tests.
 
-A free arc is a least-squares line through x, y + g τ²/2 and θ; it need not meet the other one.  Stray acceleration a of
-prior variance s_a² lowers its residual sum of squares by the part that the prior allows,
+A free arc is a least-squares line through x, y + g τ²/2 and θ; the two arcs need not meet.  Stray (unmodelled)
+acceleration a of prior variance s_a² lowers the residual sum of squares by the part that the prior allows,
 
     ss = ss_line − (ss_line − ss_free) s_a² / (s_a² + var a),    var a = σ² / Σ b²,
 
@@ -22,7 +22,7 @@ def with_stray(
 
 
 def _share(norm2: np.ndarray, white: np.ndarray, stray: np.ndarray) -> np.ndarray:
-    """s_a²/(s_a² + var a) with var a = 1/(white Σ b²): the part of a fitted acceleration that the prior leaves."""
+    """s_a²/(s_a² + var a) with var a = 1/(white Σ b²): the share of a fitted acceleration that the prior keeps."""
     return stray**2 * white * norm2 / (stray**2 * white * norm2 + 1.0)
 
 
@@ -37,12 +37,12 @@ def misfits(
     stray: np.ndarray,
     in_air: bool = False,
 ) -> dict[str, np.ndarray]:
-    """The statistics of `ArcFits` that come from free arcs, by their names there.
+    """The statistics of `ArcFits` that are computed from free arcs, by name.
 
     `side` (n, 2, W) is 1 for the samples used before and after, else 0; `tau` (n, W) is the time after the impact in s,
     `z` (n, W, 3) are poses; `white` and `weight` (3,) are 1/σ² of a sample, and of fitted values (noise may be
     correlated); `metric` is (1, 1, k), `gravity` in m/s², `stray` (3,) one sigma of accelerations beyond gravity.
-    `in_air`: they are large, and move the two samples next to an impact as well.
+    `in_air`: these are large, and move the two samples next to an impact as well.
     """
     flight = z.copy()
     flight[..., 1] += 0.5 * gravity * tau**2
@@ -56,7 +56,7 @@ def misfits(
     # effect of an acceleration on a line at τ = 0
     parabola = 0.5 * tau[..., None] ** 2
     turn = lines_through(side, tau, parabola)
-    # friction with a table bends all arcs: it is taken out as far as they show it
+    # friction with a table bends all arcs: it is removed as far as they show it
     known = _share(norm2, white, stray) * (gravity == 0.0)
     value, slope = free.value - known * curvature * turn.value, free.slope - known * curvature * turn.slope
 

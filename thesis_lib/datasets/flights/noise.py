@@ -1,4 +1,4 @@
-"""Measurement noise from trajectories: third differences first, then the residuals of the arcs; arcs fitted with it.
+"""Measurement noise from trajectories (third differences, then residuals of the arcs), and arcs fitted with it.
 
 Residuals of the arcs fitted to the flights give the final value.  They also show slow errors of a tracker, which third
 differences cannot see.  Slow errors correlate the residuals of neighbouring samples, and make fitted velocities worse
@@ -6,12 +6,12 @@ than white noise of the same size would:
 
     var = colour × var_white,    colour = (1 + ρ)/(1 − ρ)        (AR(1) noise, lag-one correlation ρ)
 
-Where samples were smoothed, or the spectrum of long flights contradicts this, the colour is that of `colour`.
+Where samples were smoothed, or the spectrum of long flights contradicts this, the colour is computed by `colour`.
 
-Noise that dataset.yaml states is independent for each sample, so that the arcs show all of it.  A value twice too large
-would halve all misfits, and any model would do; one that exceeds the scatter clearly gives way to it (`overstated`).
-Calibration errors, and drifts slower than a flight, are the same for all samples of an impact: they make no velocity
-less certain, and are causes to be found, not noise.  Errors in between, slower than an arc, do; long flights show them.
+Noise stated in dataset.yaml is independent for each sample, so the arcs show all of it.  A value twice too large would
+halve all misfits, and any model would fit; a value clearly above the scatter is replaced by it (`overstated`).
+Calibration errors, and drifts slower than a flight, are the same for all samples of an impact: they do not make
+velocities less certain, but are causes to be found.  Errors in between, slower than an arc, do; long flights show them.
 """
 
 from dataclasses import dataclass, field, replace
@@ -25,22 +25,22 @@ from thesis_lib.datasets.format.header import Header
 from thesis_lib.datasets.format.samples import ArcSettings, Samples
 from thesis_lib.statistics.spread import robust_std
 
-SIGMA_FLOOR = np.array([1e-7, 1e-7, 1e-6])  # m, m, rad: noise-free (simulated) data must not divide by zero
+SIGMA_FLOOR = np.array([1e-7, 1e-7, 1e-6])  # m, m, rad: avoids division by zero for noise-free (simulated) data
 _MIN_ARCS = 6  # fewer arcs do not determine the noise; third differences are used instead
 _MIN_ARC_SAMPLES = 8
-_LONG_ARC_SAMPLES = 16  # enough long arcs are used alone: short ones are rattle, and hide correlation
+_LONG_ARC_SAMPLES = 16  # if there are enough long arcs, short ones are not used: they are rattle, and hide correlation
 _MAX_LAG1 = 0.8  # above, an arc of 25 samples cannot separate noise from curvature
-_COLOURED = 0.2  # correlation of neighbouring residuals below which noise passes for white
-CONTRADICTED = 2.0  # ratio of stated noise to that of the arcs (known to 10 %) beyond which it is not believed
+_COLOURED = 0.2  # correlation of neighbouring residuals below which noise counts as white
+CONTRADICTED = 2.0  # ratio of stated noise to the noise of the arcs (known to 10 %) beyond which it is not believed
 _SHORT_MEMORY = 0.7  # ρ; slower noise looks like curvature in an arc of 25 samples
-_WORSE = 0.5  # relative excess of a variance that changes an interval by a quarter
+_WORSE = 0.5  # relative excess of a variance, which changes an interval by a quarter
 _WRONG = 4.5  # sigmas; 1 in 1,000 flights of white noise has such a third difference
 _LONG_FLIGHT = 4  # arcs; errors slower than these are not noise of the arcs
 _MOVING = 0.1  # m/s
 _CLEARLY = 3.0  # standard errors of a median
 _EXCESS = 1.2  # the noise is known to 10 %, its square to 20 %
 _MIN_CUT = 8  # samples: fewer cannot separate free fall from rest
-_OVERSTATED = 1.2  # ratio of stated noise to that of the samples; misfits are then 0.83 of what they should be
+_OVERSTATED = 1.2  # ratio of stated noise to the noise of the samples; misfits are then 0.83 of what they should be
 
 
 @dataclass(frozen=True)
@@ -60,15 +60,15 @@ class NoiseEstimate:
     stated: np.ndarray = field(default_factory=lambda: np.full(3, np.nan))  # the header's; NaN if none or not believed
 
     def variance(self, walls: bool) -> np.ndarray:
-        """Variance (3,) of a sample in m², m², rad², correlation included; among `walls` x and y have the same."""
+        """Variance (3,) of a sample in m², m², rad², correlation included; between `walls` x and y share one."""
         found = self.used**2 * self.colour
         if walls:
-            found[:2] = found[:2].mean()  # whichever way a wall stands
+            found[:2] = found[:2].mean()  # for any orientation of a wall
         return found
 
 
 def noise_from_arcs(fits: ArcFits, rough: np.ndarray, stated: np.ndarray, on_table: bool = False) -> NoiseEstimate:
-    """Noise from the residuals of all long arcs: the median over arcs, which bad arcs hardly move.
+    """Noise from the residuals of all long arcs: the median over arcs, which bad arcs hardly affect.
 
     `rough` (3,) in m, m, rad is used if there are too few arcs; `stated` (3,) is the header's, NaN if it states none.
     `on_table`: friction with a table may slow the body down.
@@ -121,9 +121,9 @@ def with_colour(
 ) -> NoiseEstimate:
     """The noise with its colour from the spectrum of long flights (`colour`), where AR(1) does not describe it.
 
-    That is if the samples are `smoothed`, if ρ is larger than short arcs can show, or if noise that seems white is
-    clearly worse in two of three channels (air drag bends long flights in one).  Between these, what long flights show
-    beyond AR(1) may be a motion that no parabola describes.  `at` (n,) are the samples before the hits; samples within
+    This is so if the samples are `smoothed`, if ρ is larger than short arcs can show, or if noise that seems white is
+    clearly worse in two of three channels (air drag bends long flights in one).  Otherwise, any excess over AR(1) in
+    long flights may be a motion that no parabola describes.  `at` (n,) are the samples before the hits; samples within
     `guard` (s) of one belong to no flight.
     """
     colour, flights = _colour_of_flights(noise, fits, samples, at, guard)
@@ -137,10 +137,10 @@ def with_colour(
 
 
 def overstated(noise: NoiseEstimate, fits: ArcFits, samples: Samples, at: np.ndarray, guard: float) -> np.ndarray:
-    """Mask (3,) of stated noise with which impacts would seem less certain than they are.
+    """Mask (3,) of stated noise that would make impacts seem less certain than they are.
 
-    It clearly exceeds the scatter about the arcs, and the errors slower than these that long flights show do not make
-    up for it.  Arguments as of `with_colour`.
+    Such noise clearly exceeds the scatter about the arcs, and the slower errors that long flights show do not explain
+    the difference.  Arguments as in `with_colour`.
     """
     sides = fits.flying.n_side
     dof = max(float((sides[sides >= _MIN_ARC_SAMPLES] - 3.0).sum()), 1.0)
@@ -176,7 +176,7 @@ def _colour_of_flights(
 def _stray_acceleration(fits: ArcFits, sigma: np.ndarray, colour: np.ndarray, on_table: bool) -> np.ndarray:
     """One sigma (3,) of accelerations beyond gravity, from the curvature of long arcs beyond noise; else 0.
 
-    What slows all arcs alike on a table is known better than the curvature of each.
+    A deceleration common to all arcs on a table is known better than the curvature of each arc.
     """
     fits = fits.flying
     speed = np.linalg.norm(np.stack([fits.v_pre, fits.v_post], axis=1)[..., :2], axis=-1)
@@ -203,7 +203,7 @@ def _stray_acceleration(fits: ArcFits, sigma: np.ndarray, colour: np.ndarray, on
 def estimate_spread(
     fits: ArcFits, k_g: float, assumed: np.ndarray, noise: NoiseEstimate, settings: ArcSettings
 ) -> float:
-    """s (in s) from how far free arcs miss each other beyond noise: miss/|Δv| is Rayleigh, 2 of 3 dimensions.
+    """s in s, from the distance between free arcs beyond noise: miss/|Δv| is Rayleigh, 2 of 3 dimensions.
 
     `fits` of all detected impacts were made with s = 0 and the noise `assumed` (3,) in m, m, rad; `noise` is as
     estimated from them; `k_g` in m.
@@ -228,8 +228,8 @@ def fit_straightest(
 ) -> ArcFits:
     """Arc fits in which a bent arc is cut to half its samples if that makes it straight.
 
-    A bent far end (a weak hit, the body coming to rest) must not spoil the velocity at the near end.  The noise found
-    in the data judges: a wrong header should not shorten every window.
+    A bent far end (a weak hit, the body coming to rest) must not spoil the velocity at the near end.  Bends are
+    judged with the noise found in the data: a wrong header should not shorten every window.
     """
     sigma = np.fmax(noise.sigma, SIGMA_FLOOR)
 
@@ -255,7 +255,7 @@ def fit_straightest(
         shorter = fit(at[rows], size)
         bent_still = bends(shorter)
         bent, count = bent & bent_still, shorter.n_side
-    # any short arc is nearly straight: to be a flight it must also fall rather than rest, where there is gravity
+    # any short arc is nearly straight: under gravity, a flight must also fall rather than rest
     straight = ~bent_still & (shorter.n_side >= settings.min_window)  # pyright: ignore[reportOperatorIssue, reportPossiblyUnboundVariable]
     cured = (size < whole) & straight & ((shorter.fall > 0) | (header.gravity == 0.0))  # pyright: ignore[reportPossiblyUnboundVariable]
     final = fit(at[rows], np.where(cured, size, whole))
@@ -291,7 +291,7 @@ def noise_warnings(
         sizes = ", ".join(f"{value:.2g} {unit}" for value, unit in zip(noise.stray, ("m/s²", "m/s²", "rad/s²")))
         usual = "air, guides, cables or a tilt" if falls else "friction with the table or a tilt"
         sentences.append(
-            f"In flight the body has accelerations besides gravity, as by {usual} (one sigma for x, y and theta: "
+            f"In flight the body has accelerations besides gravity, as from {usual} (one sigma for x, y and theta: "
             f"{sizes}); the fits of the flights allow for them."
         )
     if len(glitches):

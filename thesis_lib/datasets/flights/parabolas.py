@@ -5,8 +5,8 @@
 with B = (1, τ, τ²/2).  The variance of a is σ² times the last diagonal element of (Σ_k B_k B_kᵀ)⁻¹, with σ² (3,) the
 noise of a sample in m² or rad², correlation included.
 
-A flight that is not a parabola holds a hit that was not detected, or something else than gravity bends it.  Its
-acceleration means nothing; how many there are is evidence against a body that only falls (`bent_sentence`).
+A flight that is not a parabola contains an undetected hit, or is bent by something other than gravity.  Its
+acceleration is meaningless; many such flights are evidence against a body that only falls (`bent_sentence`).
 """
 
 from dataclasses import dataclass, replace
@@ -22,11 +22,11 @@ GUARD = 1e-3  # s; samples this near to an impact may lie in the contact
 MIN_FLIGHT = 12  # samples: noise dominates the acceleration of a shorter flight
 MAX_CHI2 = 2.5  # reduced; a flight above it is not a parabola
 MOST = 0.5  # share of the flights that are parabolas unless something bends them all
-FEW, SOME = 0.05, 3  # share and number of flights that are not parabolas which need no mention: undetected hits
+FEW, SOME = 0.05, 3  # share and number of non-parabolic flights that are not reported: undetected hits
 
 
 def later(t: np.ndarray) -> np.ndarray:
-    """Instants (n,) in s that count as after t: by a nanosecond, or by the last digit of a clock that has less."""
+    """Instants (n,) in s that count as after t: by a nanosecond, or by the last digit of a coarser clock."""
     return t + np.maximum(LATER, np.spacing(np.abs(t)))
 
 
@@ -65,7 +65,7 @@ class Hits:
 
 @dataclass(frozen=True)
 class Parabolas:
-    """m flights that are parabolas, and the trials of those that are none.
+    """m flights that are parabolas, and the trials of flights that are not.
 
     Attributes:
         trial, t, span: (m,) trial, mid-flight, and s from the first sample to the last.
@@ -96,7 +96,7 @@ def parabolas(
 ) -> Parabolas:
     """Parabolas of the flights with at least `MIN_FLIGHT` samples, whose noise has `variance` (3,) in m², rad².
 
-    Where the `air` bends most of them, what it has made of a flight is taken off before it is tested for a parabola.
+    Where the `air` bends most of them, its effect is removed before a flight is tested for a parabola.
 
     A flight must end at a hit that is used: after the last hit of a trial the body may rest, and a poorly known instant
     mixes samples of two flights.  Samples within `guard` (s) of a hit belong to no flight.
@@ -153,10 +153,10 @@ def parabolas(
 
 
 def bent_sentence(bent: int, all_of_them: int) -> str:
-    """How many flights are not parabolas, if these are more than a few; else ""."""
+    """Sentence on the flights that are not parabolas, if there are more than a few; else ""."""
     if bent < SOME or bent <= FEW * all_of_them:
         return ""
     return (
-        f"{bent} of {all_of_them} flights are not parabolas and are left out: either they hold hits that were not "
-        "detected, or something other than gravity bends them. What is said of flights holds for the others."
+        f"{bent} of {all_of_them} flights are not parabolas and are left out: either they contain undetected "
+        "hits, or something other than gravity bends them. All results on flights refer to the others."
     )

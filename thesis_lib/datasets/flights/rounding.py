@@ -1,24 +1,24 @@
-"""How far around an impact the samples are rounded: by a filter that smoothed them, a long contact, or a vibration.
+"""Reach of the rounding of samples around impacts, by a filter that smoothed them, a long contact, or a vibration.
 
-Flights bend at an impact.  A filter that smooths the samples rounds that corner, and so do a contact that lasts
-several samples and a body that vibrates after it.  Samples in the rounding belong to neither flight, so the guard
+The path has a corner at an impact.  A filter that smooths the samples rounds this corner, and so do a contact that
+lasts several samples and a body that vibrates afterwards.  Rounded samples belong to neither flight, so the guard
 (`lines`) must cover them.
 
-A parabola is fitted to the samples of each side beyond a reach R.  Let e be the deviation from it of samples nearer to
-the impact, over the noise, averaged over those whose |τ| lies between two `EDGES`.  Rounding moves samples along Δv
-(over the noise: direction u), noise moves them along all directions alike.  So for each pair of edges
+A parabola is fitted to the samples of each side beyond a reach R.  Let e be the deviation of nearer samples from it,
+divided by the noise and averaged over the samples whose |τ| lies between two `EDGES`.  Rounding moves samples along Δv
+(divided by the noise: direction u), noise moves them in all directions alike.  So for each pair of edges
 
     F = (median of (e·u)² / m_1) / (median of (‖e‖² − (e·u)²) / m_2),    m_k: median of chi² with k dof
 
-(upper quartiles in place of medians before impacts that nothing but a flight precedes: a median filter moves every
-other sample beside them.  Where they move by less than `LEAST_MOVED` of Δv in a sampling interval, nothing is rounded:
-any filter moves the nearest sample further, and without noise a path sways that is tracked a tenth of a millimetre
-beside the centre of mass)
+(upper quartiles instead of medians before impacts that only a flight precedes: a median filter moves every other
+sample beside these.  Where samples move by less than `LEAST_MOVED` of Δv times a sampling interval, nothing is rounded:
+any filter moves the nearest sample further, and the noise-free path of a point a tenth of a millimetre beside the
+centre of mass sways)
 
-is 1 without rounding, for noise of any size and colour that all channels share.  Acceleration in flight is in the
-parabola.  F above `MATERIAL` by `CLEAR` standard errors is rounding; the guard ends one pair after the last that has
-it, because rounding does not end at once.  R grows until nothing is seen in its outer half, and the guard is at
-least the last R before: a parabola that starts further away shows less.
+is 1 without rounding, for noise of any size and colour common to all channels.  The parabola contains the acceleration
+in flight.  F above `MATERIAL` by `CLEAR` standard errors indicates rounding; the guard ends one pair of edges after the
+last such pair, because rounding fades out.  R grows until its outer half shows no rounding, and the guard is at least
+the previous R: a parabola that starts further away shows less.
 """
 
 import itertools
@@ -49,11 +49,11 @@ CLEAR = 3.0
 LEAST_MOVED = 0.04  # a mean over three samples moves the nearest one by 0.16, a pivot that is 0.1 mm off by 0.01
 _CONTACT = 1.5  # τ; contacts end before
 LONGEST = 5e-3  # s; a guard for longer contacts must be seen in the samples
-LEAST_SUNK, MOST_SUNK = 20, 400  # impacts that say how fast contacts let arcs sink
-SUNK_ODD = 3.0  # robust standard deviations from which on an impact has no say in the shape
+LEAST_SUNK, MOST_SUNK = 20, 400  # number of impacts for the dependence of sinking on speed
+SUNK_ODD = 3.0  # robust standard deviations; impacts beyond do not count for the shape
 _EXACT = 1e-2  # mean square of e below which samples have no noise
-# Samples of a body in free flight are rounded on either side of an impact.  After one it may slide before it rolls, or
-# hit again: then both sides must show a filter, or the side before impacts that nothing but a flight precedes.
+# Sides of an impact on which samples must be rounded.  After an impact a body may slide before it rolls, or hit again:
+# then both sides must show a filter, or the side before impacts that only a flight precedes.
 Seen = Literal["either", "both", "before"]
 
 
@@ -77,19 +77,19 @@ class Rounding:
     count: np.ndarray  # (g, 2) flights
     spread: float  # standard error of ln F times the root of the count
     seen: Seen
-    moved: float  # of the nearest samples before impacts along Δv, over Δv times the sampling interval
+    moved: float  # shift of the nearest samples before impacts along Δv, over Δv times the interval
 
     @property
     def sides(self) -> np.ndarray:
         """Mask (g, 2) of the pairs of edges between which samples of a side are rounded."""
-        # of the logarithm: with 30 flights F itself is far from normal
+        # errors of the logarithm: with 30 flights F itself is far from normal
         limit = MATERIAL * np.exp(CLEAR * self.spread / np.sqrt(np.maximum(self.count, 1)))
         return np.nan_to_num(self.ratio) > limit
 
     @property
     def reach(self) -> float:
-        """Time from an impact in s within which samples of either side are rounded, or of both; 0 if none are."""
-        if self.seen == "before":  # a flight that sways is rounded in places; a filter rounds from the hit on
+        """Time from an impact in s within which samples of either side, or of both, are rounded; 0 if none are."""
+        if self.seen == "before":  # a path that sways deviates in places; a filter rounds from the hit on
             if not self.moved > LEAST_MOVED:
                 return 0.0
             few = self.count[:, 0] < ENOUGH
@@ -111,10 +111,10 @@ def sampling_interval(samples: Samples) -> float:
 
 
 def guard_of(kinks: Kinks, samples: Samples, sigma: np.ndarray, settings: ArcSettings, seen: Seen = "either") -> float:
-    """Time from an impact in s within which samples are rounded, and to the next of `EDGES`; 0 if none are.
+    """Time from an impact in s within which samples are rounded, extended to the next of `EDGES`; 0 if none are.
 
     `sigma` (3,) is the noise of x, y, θ in m, m, rad; `seen`: on which sides of impacts samples must be rounded.
-    UserError: it reaches further than the flights are long, so that no sample is known to be free of it.
+    UserError: rounding may extend over whole flights, so that no sample is known to be free of it.
     """
     interval = sampling_interval(samples)
     widest, ends, clear = 0.0, True, False
@@ -149,7 +149,7 @@ def rounding_within(
     seen: Seen = "either",
 ) -> Rounding:
     """Rounding nearer to the impacts than R, `reach` sampling intervals of `interval` (s)."""
-    # less what the air has made of the path
+    # without the effect of the air on the path
     windows = windows_around(replace(samples, q=samples.without_air()), kinks.at, reach + FAR + 1)
     t = kinks.t - windows.t_0
     tau = windows.t - t[:, None]
@@ -192,8 +192,8 @@ def rounding_within(
 
 
 def _of_chi2(share: float, dof: int) -> tuple[float, float]:
-    """The value of chi² that it stays below with a probability `share`, and √n times the standard error of its
-    logarithm where it is found from n values."""
+    """The quantile of chi² for the probability `share`, and √n times the standard error of its logarithm when it is
+    estimated from n values."""
     value = float(chi2.ppf(share, dof))
     return value, float(np.sqrt(share * (1.0 - share)) / (chi2.pdf(value, dof) * value))
 
@@ -203,8 +203,8 @@ def rounding_warning(
 ) -> tuple[str, ...]:
     """A sentence for the user if samples further from impacts than `usual` are left out; times in s.
 
-    A contact that lasts T sinks in for τ = `touch_time` ≈ T/2, and its samples lie within about 1.2 τ of the instant
-    where the arcs meet.  Smoothing rounds the corners of a path but does not make it sink into the surface.
+    In a contact of duration T a body sinks in for τ = `touch_time` ≈ T/2, and samples of the contact lie within about
+    1.2 τ of the instant where the arcs meet.  Smoothing rounds the corners of a path but does not make it sink in.
     """
     if guard <= usual:
         return ()
@@ -212,7 +212,7 @@ def rounding_warning(
     least = max(0.5 * guard - interval, usual)
     contacts = f"contacts of about {2e3 * touch_time:.2g} ms"
     if low_pass is not None:
-        why = f"The samples were smoothed by {low_pass.text()}: corners at impacts are rounded more than {contacts} do."
+        why = f"The samples were smoothed by {low_pass.text()}: corners at impacts are rounded more than by {contacts}."
     elif least > _CONTACT * touch_time:
         why = f"Corners at impacts are rounded further than {contacts} reach, as if the samples were smoothed."
     else:
@@ -221,15 +221,15 @@ def rounding_warning(
 
 
 def contact_guard(sunk: np.ndarray, speed: np.ndarray, shape: np.ndarray | None = None) -> float:
-    """Time in s from an impact within which samples may lie in its contact, as long as the arcs say that it lasts.
+    """Time in s from an impact within which samples may lie in its contact, from the contact time that arcs show.
 
-    Contacts let arcs meet the lower the faster they are, τ = −∂φ_n/∂(|v_n|/√K_nn); a wrong height does not.  A camera
-    of 250 Hz has a sample in a contact now and then: too rarely for `guard_of`, but it bends the mean of hundreds.
+    Due to contact time, arcs meet the lower the faster the impact, τ = −∂φ_n/∂(|v_n|/√K_nn); a wrong height does not do
+    this.  At 250 Hz few contacts contain a sample: too few for `guard_of`, but they bias the mean of hundreds.
     0 with fewer than `LEAST_SUNK` impacts, or if τ is not clear of 0 (Theil-Sen, 95 %).
 
-    `sunk` (n,) is −φ_n in m where the arcs meet, `speed` (n,) is |v_n|/√K_nn in m/s.  `shape` (n, c) are columns by
-    which a wrong shape would sink a body, by the point that touches: a corner, say, that is round.  Points differ in
-    speed, too, so that neither counts for more than these columns leave of it.
+    `sunk` (n,) is −φ_n in m where the arcs meet, `speed` (n,) is |v_n|/√K_nn in m/s.  `shape` (n, c) are columns of
+    the depth due to a wrong shape, by the point that touches (a rounded corner, say).  As points also differ in speed,
+    only the residuals of both from these columns are used.
     """
     if len(sunk) < LEAST_SUNK + (0 if shape is None else shape.shape[1]):
         return 0.0
@@ -245,19 +245,19 @@ def contact_guard(sunk: np.ndarray, speed: np.ndarray, shape: np.ndarray | None 
 
 
 def touch_time(fits: ArcFits, header: Header) -> float:
-    """τ in s of contacts from how far below the surface the arcs meet, −φ_n √K_nn / |v_n|: the median, at least 0."""
+    """τ of contacts in s, from the depth below the surface where arcs meet, −φ_n √K_nn / |v_n|: median, at least 0."""
     sunk, speed = sunk_and_speed(fits, header)
     return max(float(np.median(sunk / speed)), 0.0) if len(sunk) else 0.0
 
 
 def approach(fits: ArcFits, header: Header) -> tuple[np.ndarray, np.ndarray]:
-    """v_n (n,) in m/s of the contact points across the surface before impact, below 0 where they approach; √K_nn."""
+    """Normal velocity v_n (n,) in m/s of the contact points before impact, negative on approach; and √K_nn (n,)."""
     r_x = header.body.shape.contact_point(fits.q[:, 2])[:, 0]
     return fits.v_pre[:, 1] + r_x * fits.v_pre[:, 2], np.sqrt(1.0 + (r_x / header.body.radius_of_gyration) ** 2)
 
 
 def sunk_and_speed(fits: ArcFits, header: Header) -> tuple[np.ndarray, np.ndarray]:
-    """−φ_n (n,) in m and |v_n| / √K_nn (n,) in m/s of the impacts whose arcs are known."""
+    """Depth −φ_n (n,) in m and speed |v_n| / √K_nn (n,) in m/s of the impacts whose arcs are known."""
     v_n, root = approach(fits, header)
     rows = fits.converged & (fits.n_side >= 2).all(1) & (v_n != 0.0)
     return -fits.gap[rows], np.abs(v_n[rows]) / root[rows]

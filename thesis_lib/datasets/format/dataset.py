@@ -17,10 +17,10 @@ from thesis_lib.datasets.format.validate import Problem
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.mechanics.space import PLANE, SPACE, Space
 
-# what is said about the data is none of them: it changes no split and no seed
+# metadata, which must change neither splits nor seeds
 _NOT_DATA = {"description": True, "body": {"homogeneous", "uncertainty"}}
 _NOT_DATA_IN_SPACE = {"description": True, "body": {"uncertainty"}, "tracked": {"uncertainty"}}
-_ABSENT = ("surfaces", "spin")  # keys that most datasets lack: without them the digest is what it was before
+_ABSENT = ("surfaces", "spin")  # later keys, left out of the digest if absent: older digests stay valid
 TRAJECTORY_COLUMNS = ("trial", "t", "x", "y", "theta")
 
 
@@ -28,23 +28,23 @@ TRAJECTORY_COLUMNS = ("trial", "t", "x", "y", "theta")
 class Dataset:
     """Measured or simulated drops of one body."""
 
-    name: str  # of the folder, used in the names of results
-    header: Header | Any  # dataset.yaml; of schema 2 a `SpaceHeader`
+    name: str  # name of the folder, used in the names of results
+    header: Header | Any  # content of dataset.yaml; for schema 2 a `SpaceHeader`
     # `TRAJECTORY_COLUMNS` (s, m, m, rad), θ continuous within a trial; in space trial, t, `POSE_IN_SPACE` (s, m, 1)
     trajectories: pd.DataFrame | None = None
     impacts: pd.DataFrame | None = None  # at least `IMPACT_COLUMNS` (m, rad, m/s, rad/s)
     path: Path | None = None  # the folder it was read from
-    warnings: tuple[Problem, ...] = ()  # what is suspicious but not wrong
+    warnings: tuple[Problem, ...] = ()  # doubts that are not faults
     has_angle: bool = True  # False: trajectories.csv has no theta, which is 0 in `trajectories`; NaN in space
 
     @property
     def space(self) -> Space:
-        """Where the body moves."""
+        """Space in which the body moves: the plane, or three dimensions."""
         return SPACE if isinstance(self.header, SpaceHeader) else PLANE
 
     @property
     def in_space(self) -> SpaceHeader:
-        """dataset.yaml of a body in space."""
+        """Header of a body in space; only for datasets of schema 2."""
         assert isinstance(self.header, SpaceHeader)
         return self.header
 
@@ -60,7 +60,7 @@ class Dataset:
 
     @property
     def mass(self) -> float | None:
-        """kg; None if the dataset states none."""
+        """Mass, kg; None if the dataset states none."""
         return self.header.body.mass
 
     @property
@@ -70,12 +70,12 @@ class Dataset:
 
     @property
     def gravity(self) -> float:
-        """Size of gravity, m/s²."""
+        """Magnitude of gravity, m/s²."""
         return self.header.gravity if self.space.is_plane else float(np.linalg.norm(self.in_space.gravity))
 
     @property
     def rate(self) -> float | None:
-        """Sampling rate in Hz: as stated, else one over the median time step, else None."""
+        """Sampling rate, Hz: as stated, else one over the median time step; None without trajectories."""
         if self.header.rate is not None or self.trajectories is None:
             return self.header.rate
         return 1.0 / median_step(self.trajectories)
@@ -98,23 +98,23 @@ class Dataset:
         return replace(self, **tables)
 
     def stated_impacts(self) -> Impacts:
-        """The impacts of impacts.csv as arrays, whatever the trajectories; UserError without impacts.csv."""
+        """The impacts of impacts.csv as arrays, independent of trajectories; UserError without impacts.csv."""
         self.require_plane("stated_impacts")
         if self.impacts is None:
             raise UserError(f"The dataset {self.name} has no impacts.csv; use find_impacts on its trajectories.")
         return Impacts.from_table(self.impacts, self.shape, self.k_g, self.mass)
 
     def require_plane(self, what: str) -> None:
-        """UserError if the body moves in space, where `what` is not available."""
+        """Raise a UserError if the body moves in space, where `what` is not available."""
         if not self.space.is_plane:
             raise UserError(
-                f"{self.name} is a dataset in space (schema 2). It can be read, written, checked and criticised; "
-                f"{what} is there for motions in a plane only. If the body moves in a plane, project it: datasets init "
-                "with a planar --shape."
+                f"{self.name} is a dataset in space (schema 2). It can be read, written, checked and criticised, but "
+                f"{what} is available for motions in a plane only. If the body moves in a plane, project its motion: "
+                "datasets init with a planar --shape."
             )
 
     def digest(self) -> str:
-        """SHA-256 (hex) of the content, whatever its folder, file type or description; seeds derive from it."""
+        """SHA-256 (hex) of the content, independent of folder, file type and description; seeds derive from it."""
         without: Any = _NOT_DATA if self.space.is_plane else _NOT_DATA_IN_SPACE
         content = self.header.model_dump(mode="json", by_alias=True, exclude=without)
         content = {key: value for key, value in content.items() if key not in _ABSENT or value is not None}
@@ -137,9 +137,9 @@ def median_step(trajectories: pd.DataFrame) -> float:
 
 
 def unwrap(theta: np.ndarray, trial: np.ndarray) -> np.ndarray:
-    """θ (n,) in rad made continuous within each trial: jumps above π lose whole turns.
+    """θ (n,) in rad made continuous within each trial: whole turns are removed from jumps above π.
 
-    Samples before a trial's first jump keep every bit.
+    Samples before the first jump of a trial remain unchanged to the last bit.
     """
     theta = np.asarray(theta, dtype=float)
     if len(theta) == 0:

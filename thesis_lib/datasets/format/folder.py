@@ -1,9 +1,9 @@
-"""Which folders hold a dataset, or the recording of a mechanism: those with one of the files that are read."""
+"""Recognise folders with a dataset, or with the recording of a mechanism, by the names of their files."""
 
 import os
 from pathlib import Path
 
-# any of these files makes a folder a dataset, though perhaps a bad one
+# a folder with any of these files counts as a dataset, even if an invalid one
 STEMS = ("trajectories", "impacts", "states")
 INPUTS = (
     *("dataset.yaml", "recording.yaml"),
@@ -11,15 +11,15 @@ INPUTS = (
 )
 
 
-# a table of states alone may be a user's own, for predictions
+# a table of states alone may be a user's input for predictions
 MARKS = tuple(name for name in INPUTS if not name.startswith("states."))
 
 
 def holds_data(folder: str | Path) -> bool:
-    """Whether a folder is one that is passed on as data, so that nothing in it may run."""
+    """Whether a folder contains data that may come from others, so that no code in it may be run."""
     return any(os.path.lexists(Path(folder) / name) for name in MARKS)
 
 
 def looks_like_dataset(folder: str | Path) -> bool:
-    """Whether a folder holds a file, or a link, with the name of one that a dataset or a recording has."""
+    """Whether a folder contains a file or link with a name that datasets or recordings use."""
     return any(os.path.lexists(Path(folder) / name) for name in INPUTS)

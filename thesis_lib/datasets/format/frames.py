@@ -1,14 +1,14 @@
-"""From tracked poses to the motion of the believed centre of mass, in the frame of a surface, and back.
+"""Conversion between tracked poses and motions of the believed centre of mass, and the frames of surfaces.
 
     R_WS = R(q) R_STᵀ,    p_C = p + R_WS (c − d),    v_C = v + ω × R_WS (c − d)
 
-| on paper | in code                   | unit | axes                                             |
+| on paper | in code                   | unit | meaning                                          |
 |----------|---------------------------|------|--------------------------------------------------|
 | p, q     | columns of the tables     | m, 1 | pose of the tracked frame T in the world W       |
 | d, R_ST  | `tracked`                 | m, 1 | pose of T in the frame of the shape S            |
-| c        | `body.center_of_mass`     | m    | S                                                |
+| c        | `body.center_of_mass`     | m    | believed centre of mass in S                     |
 
-States of the body have the attitude of S and the place of the believed centre of mass.
+A state of the body consists of the attitude of S and the position of the believed centre of mass.
 """
 
 from collections.abc import Sequence
@@ -25,9 +25,9 @@ from thesis_lib.mechanics.state import State
 
 
 def tracked_states(table: pd.DataFrame, velocities: Sequence[str] = ()) -> State:
-    """The poses of T in the rows of a table of schema 2, with the motions in the columns `velocities`, NaN without.
+    """States of T from the rows of a table of schema 2; velocities come from the columns `velocities`, else are NaN.
 
-    Where there is no orientation (a sphere), it is that of no rotation.
+    A missing orientation (of a sphere) is replaced by the identity.
     """
     attitude = table[list(QUATERNION)].to_numpy(float)
     attitude = np.where(np.isfinite(attitude), attitude, [1.0, 0.0, 0.0, 0.0])
@@ -38,17 +38,17 @@ def tracked_states(table: pd.DataFrame, velocities: Sequence[str] = ()) -> State
 
 
 def body_states(states: State, header: SpaceHeader) -> State:
-    """The motions of the body whose tracked frame moves as `states` say.
+    """States of the body from the `states` of its tracked frame.
 
     Raises:
-        UserError: nobody knows where the tracked frame is in the body.
+        UserError: the pose of the tracked frame in the body is unknown.
     """
     place, attitude = _centre_in_tracked(header)
     return on_body(states, place, attitude)
 
 
 def tracked_of_body(states: State, header: SpaceHeader) -> State:
-    """The motions of the tracked frame of bodies; undoes `body_states` and raises what it does."""
+    """States of the tracked frame from states of the body: the inverse of `body_states`, with the same error."""
     place, attitude = _centre_in_tracked(header)
     back = conjugate(attitude)
     return on_body(states, -SPACE.turned(back[:, None], place[:, None])[:, 0], back)
@@ -60,11 +60,11 @@ def surface_frames(header: SpaceHeader) -> list[Frame]:
 
 
 def _centre_in_tracked(header: SpaceHeader) -> tuple[np.ndarray, np.ndarray]:
-    """Place (3,) in m of the believed centre of mass in T, and the quaternion (4,) that turns S's axes into T's."""
+    """Position (3,) in m of the believed centre of mass in T, and the quaternion (4,) that turns S's axes into T's."""
     if header.tracked is None:
         raise UserError(
-            "tracked: unknown: give the pose of the tracked frame in that of the shape, position: [x, y, z] and "
-            "quaternion: [w, x, y, z], to say where the body is."
+            "tracked: unknown: to locate the body, give the pose of the tracked frame in the frame of the shape, "
+            "position: [x, y, z] and quaternion: [w, x, y, z]."
         )
     back = conjugate(header.tracked.attitude)
     between = header.body.centre - np.array(header.tracked.position)

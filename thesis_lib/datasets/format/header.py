@@ -11,26 +11,26 @@ from thesis_lib.bodies.solid_body import FlatSurface, NamedSurface, NoiseInSpace
 from thesis_lib.bodies.walls import MOST, Wall
 from thesis_lib.foundation.settings import Section
 
-UNKNOWN = "unknown"  # pose of the tracked frame in the body
-RIM = 0.5  # rim speed over speed before an impact, one sigma, where nobody sees or states the spin
+UNKNOWN = "unknown"  # written for `tracked` if its pose in the body is not known
+RIM = 0.5  # rim speed over speed before an impact, one sigma, if the spin is neither measured nor stated
 NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
 
 
 class Header(Section):
-    """The content of dataset.yaml."""
+    """The content of dataset.yaml, schema 1."""
 
     schema_: Literal[1] = Field(alias="schema", description="version of this format")
     description: str = ""
     body: Body
     surface: Surface = Surface()
     surfaces: Annotated[tuple[Wall, ...], Field(max_length=MOST)] | None = Field(
-        None, description="straight walls in place of the surface"
+        None, description="straight walls instead of the surface"
     )
     gravity: NotNegative = Field(9.81, description="m/s²; 0 for a motion over a level table, seen from above")
     rate: Positive | None = Field(None, description="Hz, of trajectories")
-    noise: Noise | None = Field(None, description="optional; the arcs decide without it, and where they scatter less")
+    noise: Noise | None = Field(None, description="optional; estimated from the arcs if not stated, or too high")
     spin: Positive | None = Field(
-        None, description="rad/s, one sigma of the spin before an impact, where theta is not measured"
+        None, description="rad/s, one sigma of the spin before an impact, if theta is not measured"
     )
 
     @property
@@ -53,11 +53,11 @@ class SpaceHeader(Section):
     description: str = ""
     body: SolidBody
     tracked: Tracked | None = Field(
-        Tracked(), description="pose of the tracked frame in that of the shape; default: they are one; or unknown"
+        Tracked(), description="pose of the tracked frame in that of the shape, or unknown; default: both coincide"
     )
     surface: FlatSurface = FlatSurface()
     surfaces: Annotated[tuple[NamedSurface, ...], Field(max_length=MOST)] | None = Field(
-        None, description="flat surfaces in place of the surface"
+        None, description="flat surfaces instead of the surface"
     )
     gravity: tuple[Coordinate, Coordinate, Coordinate] = Field(
         (0.0, 0.0, -9.81), description="m/s², in the axes of the recording; [0, 0, 0] for none"
@@ -65,7 +65,7 @@ class SpaceHeader(Section):
     rate: Positive | None = Field(None, description="Hz, of trajectories")
     noise: NoiseInSpace | None = Field(None, description="optional")
     spin: Positive | None = Field(
-        None, description="rad/s, one sigma of each component of the spin before an impact, where it is not measured"
+        None, description="rad/s, one sigma of each component of the spin before an impact, if it is not measured"
     )
 
     @field_validator("tracked", mode="before")
@@ -83,7 +83,7 @@ class SpaceHeader(Section):
     def _surroundings_agree(self) -> "SpaceHeader":
         _require_distinct(self, "surface")
         if self.surfaces is None and self.surface.normal is None and not any(self.gravity):
-            raise ValueError("without gravity nothing says how the surface lies; give surface.normal")
+            raise ValueError("without gravity the direction of the surface is not defined; give surface.normal")
         return self
 
     @property
@@ -95,11 +95,11 @@ class SpaceHeader(Section):
 
 
 def unseen_spin(speed: np.ndarray, header: Header | SpaceHeader) -> float:
-    """One sigma in rad/s of each component of the spin before impacts at speeds (n,) in m/s, where no angle is seen.
+    """One sigma in rad/s of each component of the spin before impacts at speeds (n,) in m/s, if no angle is measured.
 
-    Friction at an impact gives a disk that slides without spin at most 2/3 of its tangential velocity as rim speed; a
-    hand gives as much.  So unless dataset.yaml states `spin`, the rim speed before an impact is taken as 0 ± `RIM`
-    times the median speed.
+    Friction at an impact gives a disk that slides without spin a rim speed of at most 2/3 of its tangential velocity; a
+    release by hand gives about as much.  Unless dataset.yaml states `spin`, the rim speed before an impact is therefore
+    taken as 0 ± `RIM` times the median speed.
     """
     if header.spin is not None:
         return header.spin
@@ -108,13 +108,13 @@ def unseen_spin(speed: np.ndarray, header: Header | SpaceHeader) -> float:
 
 
 def _require_distinct(header: Any, one: str) -> None:
-    """ValueError where a header has surfaces, each `one`, beside its surface, none of them, or two of one name."""
+    """ValueError if `surfaces` is empty, given beside `surface`, or repeats a name; `one`: word for an element."""
     if header.surfaces is None:
         return
     if not header.surfaces:
-        raise ValueError(f"surfaces holds no {one}")
+        raise ValueError(f"surfaces contains no {one}")
     if "surface" in header.model_fields_set:
-        raise ValueError("there are surface and surfaces; give one of them")
+        raise ValueError("surface and surfaces are both given; keep one of them")
     names = [surface.name for surface in header.surfaces]
     if twice := sorted({name for name in names if names.count(name) > 1}):
         raise ValueError(f"surfaces: the name {twice[0]} occurs more than once")

@@ -1,4 +1,4 @@
-"""Read dataset.yaml and report every mistake in it.  `yaml_file` refuses what is unsafe to read."""
+"""Read dataset.yaml and report every mistake in it.  Files that are unsafe to read are refused by `yaml_file`."""
 
 from collections.abc import Callable, Mapping
 from itertools import islice
@@ -16,14 +16,14 @@ from thesis_lib.foundation.regular_file import FileProblem
 from thesis_lib.foundation.yaml_file import read_yaml
 
 FILE = "dataset.yaml"
-MAX_REPORTED = 1000  # mistakes; for each unknown key the known ones are searched for a similar one
+MAX_REPORTED = 1000  # mistakes; each unknown key costs a search for a similar known key
 Model = TypeVar("Model", bound=BaseModel)
 
 
 def load_header(folder: Path, report: ValidationReport) -> tuple[Header | SpaceHeader | None, dict]:
-    """Header of the dataset in `folder` and its raw mapping; problems go to `report`.
+    """Header of the dataset in `folder`, and the raw mapping in its file; problems go to `report`.
 
-    The header is None if something is wrong; the mapping is {} if the file holds none.
+    The header is None if it has faults; the mapping is {} if the file contains none.
     """
     if not (folder / FILE).exists():
         report.error(FILE, "", "the file is missing", "write it (README, 'Your own drops'), or use the init command")
@@ -33,7 +33,7 @@ def load_header(folder: Path, report: ValidationReport) -> tuple[Header | SpaceH
 
 
 def mapping_in(folder: Path, file: str, report: ValidationReport) -> tuple[dict | None, Mapping[tuple, int]]:
-    """The mapping that a file holds, None if it holds none, and the line of each key; problems go to `report`."""
+    """The mapping in a file (None if there is none) and the line of each key; problems go to `report`."""
     try:
         document = read_yaml(folder / file, folder, aliases=False)
     except FileProblem as error:
@@ -55,9 +55,9 @@ def mapping_in(folder: Path, file: str, report: ValidationReport) -> tuple[dict 
 def header_of(
     raw: Mapping, report: ValidationReport, folder: Path | None = None, lines: Mapping[tuple, int] | None = None
 ) -> Header | SpaceHeader | None:
-    """Header with the keys of dataset.yaml, None if something is wrong; problems go to `report`.
+    """Header made from the keys of dataset.yaml; None if they have faults, which go to `report`.
 
-    `folder` is where a mesh lies, `lines` say where each key stands in the file.
+    `folder` contains the file of a mesh; `lines` gives the line of each key in the file.
     """
     schema, lines = schema_of(raw), lines or {}
     if "schema" in raw and (type(raw["schema"]), raw["schema"]) != (int, schema):
@@ -70,7 +70,7 @@ def header_of(
 
 
 def schema_of(raw: Mapping) -> int:
-    """2 for a body in space, else 1."""
+    """Schema of a header: 2 for a body in space, else 1."""
     return 2 if raw.get("schema") == 2 else 1
 
 
@@ -83,9 +83,9 @@ def validated(
     remedy: Callable[[Mistake], str],
     context: Mapping[str, object] | None = None,
 ) -> Model | None:
-    """The model of a mapping, None if something is wrong; `lines`: where each key stands in the file.
+    """The mapping `raw` as a valid `model`; None if it has faults, which go to `report`.
 
-    `remedy` says what to do about a mistake, `context` is for checks of the model that look beyond the file.
+    `lines` gives the line of each key, `remedy` advice on a mistake, `context` further data for checks of the model.
     """
     try:
         return model.model_validate(raw, context=dict(context or {}))
@@ -100,7 +100,7 @@ def validated(
 
 
 def salvage_shape(raw: Mapping) -> Shape | None:
-    """The shape from a header that is wrong elsewhere, so that lengths can still be judged."""
+    """The shape in a header that may have faults elsewhere, so that lengths can still be checked."""
     try:
         return TypeAdapter(Shape).validate_python(_shape_in(raw))
     except ValidationError:
@@ -108,7 +108,7 @@ def salvage_shape(raw: Mapping) -> Shape | None:
 
 
 def is_round(raw: Mapping) -> bool:
-    """Whether the shape is a disk or a sphere, whose turning moves no contact point."""
+    """Whether the shape is a disk or a sphere, whose contact point does not depend on its orientation."""
     shape = _shape_in(raw)
     return isinstance(shape, Mapping) and shape.get("kind") == ("sphere" if schema_of(raw) == 2 else "disk")
 

@@ -1,4 +1,4 @@
-"""Impacts as arrays: what every law, fit and figure takes.
+"""Impacts as arrays, the input of every law, fit and figure.
 
 A row is an impact: the pose q = (x, y, θ) at the instant of impact, the velocities v = (v_x, v_y, ω) just before and
 just after, and the contact point r = (r_x, r_y) from the body origin, as in impacts.csv.

@@ -16,7 +16,7 @@ _SHARED: Remedies = {
     ("rate",): "give the sampling rate in Hz as a number above 0, or leave it out",
     ("spin",): "give the spin in rad/s, one sigma, as a number above 0, or leave it out",
 }
-# the nearest enclosing key counts
+# the remedy of the nearest enclosing key applies
 _BY_SCHEMA: dict[int, Remedies] = {
     1: {
         **_SHARED,
@@ -32,7 +32,7 @@ _BY_SCHEMA: dict[int, Remedies] = {
         "over a level table",
         ("noise",): "give one-sigma values above 0 (position in m, angle in rad, velocity in m/s, angular_velocity in "
         "rad/s), or leave noise out",
-        (): "walls need gravity: 0 (a motion over a level table), names of their own, and no surface beside them",
+        (): "give surface or surfaces, not both; each wall in surfaces needs a name of its own",
     },
     2: {
         **_SHARED,
@@ -58,8 +58,8 @@ _BY_SCHEMA: dict[int, Remedies] = {
         (): "give surface: {point: [0, 0, 0], normal: [0, 0, 1]} or surfaces, not both",
     },
 }
-_SPACE_ONLY = "bodies in space have this key, under 'schema: 2'; leave it out of 'schema: 1'"
-# keys of the other schema, and the form in which this one says the same
+_SPACE_ONLY = "this key is for bodies in space ('schema: 2'); leave it out of a file with 'schema: 1'"
+# keys of the other schema, and how to state the same in this one
 _OTHER_FORM: dict[int, Remedies] = {
     1: dict.fromkeys(
         (
@@ -79,7 +79,7 @@ _OTHER_FORM: dict[int, Remedies] = {
 
 
 def remedy_of(schema: int) -> Callable[[Mistake], str]:
-    """mistake -> what to do about it, in a file of this schema."""
+    """Function that returns the remedy for a mistake in a file of this schema."""
     remedies, others = _BY_SCHEMA[schema], _OTHER_FORM[schema]
 
     def remedy(mistake: Mistake) -> str:

@@ -1,4 +1,4 @@
-"""Columns of trajectories.csv and impacts.csv: those of the plane (schema 1) and those of space (schema 2)."""
+"""Columns of trajectories.csv and impacts.csv, in the plane (schema 1) and in space (schema 2)."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -15,13 +15,13 @@ CONTACT_POINT = ("r_x", "r_y", "r_z")
 
 @dataclass(frozen=True)
 class TableForm:
-    """Columns of a table, and what is said of columns that are those of the other schema."""
+    """Columns of a table, and the message on columns that belong to the other schema."""
 
     required: Sequence[str]
     optional: Sequence[str] = ()
-    may_be_empty: Sequence[str] = ()  # cells in these columns
-    foreign: frozenset[str] = frozenset()
-    what: str = ""  # of these
+    may_be_empty: Sequence[str] = ()  # columns whose cells may be empty
+    foreign: frozenset[str] = frozenset()  # columns of the other schema
+    what: str = ""  # fault and remedy for these
     remedy: str = ""
 
 
@@ -29,7 +29,7 @@ _OF_SPACE = frozenset(
     ("z", "vz", "roll", "pitch", "yaw", "qx", "qy", "qz", "qw", "omega_x", "omega_y", "wx", "wy", "wz", "r_z")
 ) | (set(V_PRE_IN_SPACE + V_POST_IN_SPACE) - set(V_PRE + V_POST))
 _SAID_OF_SPACE = (
-    "the motion is one in space; only planar motions (x, y and one angle theta) have 'schema: 1'",
+    "the motion is in space, but 'schema: 1' is for planar motions (x, y and one angle theta)",
     "write 'schema: 2' in dataset.yaml, with a body in space (docs/reference_dataset.md); or, if the body moves in a "
     "plane, project it (x along the surface, y up, theta about the normal of the plane: README, 'Your own drops')",
 )
@@ -38,7 +38,7 @@ _SAID_OF_PLANE = "belongs to motions in a plane"
 
 
 def trajectory_form(schema: int, turns_unseen: bool) -> TableForm:
-    """Columns of trajectories.csv; `turns_unseen`: of a disk or a sphere, whose orientation may lack."""
+    """Columns of trajectories.csv; `turns_unseen`: for a disk or a sphere, whose orientation may be missing."""
     orientation = ("theta",) if schema == 1 else QUATERNION
     place = ("trial", "t", "x", "y") if schema == 1 else ("trial", "t", *POSITION)
     needed, optional = (place, orientation) if turns_unseen else (place + orientation, ())
@@ -49,12 +49,12 @@ def trajectory_form(schema: int, turns_unseen: bool) -> TableForm:
 
 
 def impact_form(schema: int, turns_unseen: bool) -> TableForm:
-    """Columns of impacts.csv, as `trajectory_form`."""
+    """Columns of impacts.csv, with the arguments of `trajectory_form`."""
     if schema == 1:
         optional = ("t", "r_x", "r_y", "flags", *COVARIANCE_COLUMNS)
         return TableForm(IMPACT_COLUMNS, optional, ("t",), _OF_SPACE, *_SAID_OF_SPACE)
     pose, orientation = (POSITION, QUATERNION) if turns_unseen else (POSE_IN_SPACE, ())
     needed = ("trial", "impact", *pose, *V_PRE_IN_SPACE, *V_POST_IN_SPACE)
-    wanted = f"in space the columns are {','.join(needed)}, and if you like t,{','.join(CONTACT_POINT)}"
+    wanted = f"in space the columns are {','.join(needed)}, and optionally t,{','.join(CONTACT_POINT)}"
     optional = (*orientation, "t", *CONTACT_POINT)
     return TableForm(needed, optional, ("t", *orientation), _OF_PLANE, _SAID_OF_PLANE, wanted)

@@ -1,7 +1,7 @@
 """Read trajectories and impacts from CSV or Parquet, and report the rows that cannot be read.
 
-"row" is the line in the file.  An unusable row is reported and left out of the later checks, so that one reading finds
-everything that is wrong.
+A "row" is a line of the file.  Unusable rows are reported and left out of later checks, so that one reading finds all
+faults.
 """
 
 import csv
@@ -20,18 +20,18 @@ from thesis_lib.foundation.errors import first_line, suggest
 from thesis_lib.foundation.regular_file import FileProblem, regular_size
 
 MAX_BYTES = 2_000_000_000  # 25 million samples; as arrays they take half of a 4 GB machine
-MAX_VALUES = 250_000_000  # cells of 8 bytes in memory: Parquet and rows of bare commas are small on disk
+MAX_VALUES = 250_000_000  # cells of 8 bytes in memory: Parquet and rows of bare commas are far smaller on disk
 MAX_BAD_ROWS = 100_000  # a file with more of them is not a table
 MAX_COLUMNS = 1000
 MAX_HEADER = 100_000  # characters in the header line; the widest table here has 60 columns
 LARGEST = {"t": 1e12, None: 1e9}  # epoch times in microseconds pass; no SI value of a drop comes near 1e9
 INTEGERS = ("trial", "impact")
-LARGEST_INTEGER = 2**53  # CSV readers that go through floats confuse larger numbers
+LARGEST_INTEGER = 2**53  # larger integers lose digits in CSV readers that use floats
 TEXT = ("flags",)
 
 
 class _NoTable(Exception):
-    """A file holds no table: where, what is wrong, and what to do about it."""
+    """A file contains no table; the arguments are the place, the fault and the remedy."""
 
 
 def load_table(folder: Path, stem: str, form: TableForm, report: ValidationReport) -> UsableRows | None:
@@ -40,7 +40,7 @@ def load_table(folder: Path, stem: str, form: TableForm, report: ValidationRepor
     if not paths:
         return None
     if len(paths) == 2:
-        what = f"{stem}.parquet is there too, so it is unclear which counts"
+        what = f"{stem}.parquet exists, too, so it is unclear which one to read"
         report.error(f"{stem}.csv", "", what, "delete one of the two")
     path = paths[0]
     try:
@@ -48,7 +48,7 @@ def load_table(folder: Path, stem: str, form: TableForm, report: ValidationRepor
             raise _NoTable("", "is empty", "write the header line and the rows, or delete the file")
         frame, ragged = (_read_csv if path.suffix == ".csv" else _read_parquet)(path, report)
     except FileProblem as problem:
-        report.error(path.name, "", problem.what, "put a table there that is a file of its own, or delete it")
+        report.error(path.name, "", problem.what, "replace it by a regular file with the table, or delete it")
         return None
     except _NoTable as problem:
         report.error(path.name, *problem.args)
@@ -114,7 +114,7 @@ def _ragged(path: Path, width: int, report: ValidationReport) -> tuple[np.ndarra
             if b'"' in line:
                 count = len(next(csv.reader([line.decode("utf-8")], skipinitialspace=True), []))
             if len(bad) + len(blank) > MAX_BAD_ROWS:
-                raise ValueError(f"more than {MAX_BAD_ROWS:,} rows are empty or have another number of cells")
+                raise ValueError(f"more than {MAX_BAD_ROWS:,} rows are empty or have a wrong number of cells")
             if i * width > MAX_VALUES:
                 raise ValueError(f"more than {MAX_VALUES:,} cells")
             if not line.strip():
@@ -151,11 +151,11 @@ def _read_parquet(path: Path, report: ValidationReport) -> tuple[pd.DataFrame, n
             if meta.num_columns > MAX_COLUMNS:
                 raise ValueError(f"{meta.num_columns:,} columns; the limit is {MAX_COLUMNS:,}")
             if meta.num_rows * meta.num_columns > MAX_VALUES:
-                what = f"claims {meta.num_rows:,} rows of {meta.num_columns} columns; the limit is {MAX_VALUES:,} cells"
+                what = f"states {meta.num_rows:,} rows of {meta.num_columns} columns; the limit is {MAX_VALUES:,} cells"
                 raise _NoTable("", what, "split the dataset into several folders")
             size = sum(meta.row_group(i).total_byte_size for i in range(meta.num_row_groups))
             if size > MAX_BYTES:
-                raise ValueError(f"it claims {size:,} bytes; the limit is {MAX_BYTES:,}")
+                raise ValueError(f"it states {size:,} bytes; the limit is {MAX_BYTES:,}")
             if nested := [kind.name for kind in file.schema_arrow if pyarrow.types.is_nested(kind.type)]:
                 raise ValueError(f"column {nested[0]} holds lists, expected numbers")
             frame = file.read().to_pandas(ignore_metadata=True)
@@ -170,7 +170,7 @@ def _read_parquet(path: Path, report: ValidationReport) -> tuple[pd.DataFrame, n
 
 
 def _check_columns(file: str, names: Sequence[str], form: TableForm, report: ValidationReport) -> bool:
-    """Report missing and unknown columns; whether all required ones are present."""
+    """Report missing and unknown columns; return whether all required columns are present."""
     missing = [name for name in form.required if name not in names]
     unknown = [name for name in names if name not in form.required and name not in form.optional]
     if foreign := [name for name in unknown if name.lower() in form.foreign]:
@@ -195,9 +195,9 @@ def _columns(names: Sequence[str]) -> str:
 def table_of(
     name: str, frame: pd.DataFrame, ragged: np.ndarray, form: TableForm, report: ValidationReport
 ) -> UsableRows | None:
-    """The rows of `frame` in which every known column has a usable cell; None if there are none, or columns are wrong.
+    """The rows of `frame` with a usable cell in every known column; None without such rows, or if columns are missing.
 
-    `ragged`: mask (n,) of rows with too few or too many cells; problems go to `report`, as those of the file `name`.
+    `ragged`: mask (n,) of rows with too few or too many cells; problems go to `report`, under the file name `name`.
     """
     if not _check_columns(name, list(frame.columns), form, report):
         return None
@@ -227,7 +227,7 @@ def table_of(
 def _numbers(
     column: pd.Series, name: str, ragged: np.ndarray, may_be_empty: bool
 ) -> tuple[np.ndarray, list[tuple[np.ndarray, str, str]]]:
-    """A column as floats (n,), and its faults: the mask of the rows (n,), what is wrong, what to do about it."""
+    """A column as floats (n,), and its faults, each with the mask of rows (n,), the message and the remedy."""
     if pd.api.types.is_numeric_dtype(column) and not pd.api.types.is_bool_dtype(column):
         numbers, text = column, np.zeros(len(column), dtype=bool)
     else:

@@ -1,8 +1,8 @@
-"""Problems of a dataset, and the checks of the structure of its tables.
+"""Problems of a dataset, and checks of the structure of its tables.
 
-A `ValidationReport` collects every problem of one reading; errors are raised together as one `DatasetError`, warnings
-stay on the dataset.  "row" is the line in the file: the header of a CSV is row 1, the first data row is row 2.  Units
-and signs are judged in `datasets.checks`.
+A `ValidationReport` collects all problems found in one reading; errors are raised together as one `DatasetError`,
+warnings are kept with the dataset.  A "row" is a line of the file: the header of a CSV file is row 1, the first data
+row is row 2.  Units and signs are checked in `datasets.checks`.
 """
 
 from collections.abc import Callable, Sequence
@@ -30,14 +30,14 @@ MIN_SAMPLES = 10  # two arcs of 5 samples, the fewest that determine a parabola 
 RATE_TOLERANCE = 0.02  # clocks of cameras agree to 1e-4; 2 % is a typo, a wrong unit, or frames dropped
 SLOWEST = 0.1  # s between samples; a bounce of a hand-sized body lasts a few tenths of a second
 SHOWN = 4  # row numbers spelled out before "and n more"
-SHOWN_PROBLEMS = 100  # nobody reads more; the rest is counted
-# how far from 1 a length stays that is not touched, so that what is written reads back
+SHOWN_PROBLEMS = 100  # problems that are listed; the rest is only counted
+# a length this close to 1 is left unchanged, so that a written quaternion is read back exactly
 EXACT = 4.0 * np.finfo(float).eps
 
 
 @dataclass(frozen=True)
 class Problem:
-    """A fault: the file, the place in it, what is wrong, and what to do about it."""
+    """A fault: the file, the place in the file, what is wrong, and what to do about it."""
 
     file: str
     where: str
@@ -50,7 +50,7 @@ class Problem:
 
 
 class DatasetError(UserError):
-    """A dataset that cannot be used; `problems` lists all that is wrong with it."""
+    """A dataset that cannot be used; `problems` lists all its faults."""
 
     def __init__(self, name: str, problems: Sequence[Problem]):
         self.name = name
@@ -97,26 +97,26 @@ class UsableRows:
             self.report.error(self.file, where if rows is None else f"{where}, {self.rows(rows)}", what, remedy)
 
     def warn(self, where: str, what: str, remedy: str, rows: np.ndarray | None = None) -> None:
-        """Like `error`, for what is suspicious but not wrong."""
+        """Like `error`, for doubts that are not faults."""
         if rows is None or np.any(rows):
             self.report.warn(self.file, where if rows is None else f"{where}, {self.rows(rows)}", what, remedy)
 
 
 def row_text(rows: Sequence[int] | np.ndarray) -> str:
-    """Row numbers in words."""
+    """Row numbers as text: 'row 7' or 'rows 7, 8, 9, 10 and 12 more'."""
     return f"row{'s' if len(rows) != 1 else ''} {first_of(rows)}"
 
 
 def first_of(names: Sequence | np.ndarray, most: int = SHOWN, more: str = "more") -> str:
-    """'a, b and 12 more': the first names or numbers in words, at most `most` of them."""
+    """The first names or numbers as text, at most `most` of them: 'a, b and 12 more'."""
     return ", ".join(map(str, names[:most])) + (f" and {len(names) - most} {more}" if len(names) > most else "")
 
 
 def read_checked(path: str | Path, content: str, read: Callable[[Path, str, ValidationReport], T | None]) -> T:
-    """Result of `read(folder, name, report)` for the folder at `path`; its name is that which results carry.
+    """Result of `read(folder, name, report)` for the folder at `path`, whose name is used in results.
 
-    DatasetError: there is no such folder, for `content`, or its name holds characters that do not print; else it lists
-    everything that is wrong in it.
+    Raises a DatasetError with all faults of the folder, or if there is no such folder (the message then asks for one
+    with `content`), or if its name contains unprintable characters.
     """
     folder, report, result = Path(path), ValidationReport(), None
     try:
@@ -128,20 +128,20 @@ def read_checked(path: str | Path, content: str, read: Callable[[Path, str, Vali
         what = "is a file, expected a folder" if there else "the folder does not exist"
         raise DatasetError(name, [Problem(str(path), "", what, f"give the folder that holds {content}")])
     if not name.isprintable():
-        # results carry the name: JSON and HTML hold only valid text, and a terminal obeys control characters
-        what = f"the folder's name {name!a} holds characters that do not print"
+        # the name is written into results: JSON and HTML need valid text, and a terminal obeys control characters
+        what = f"the name {name!a} of the folder contains characters that do not print"
         raise DatasetError(ascii(name)[1:-1], [Problem(ascii(str(path)), "", what, "rename the folder")])
     try:
         result = read(folder, name, report)
     except OSError as error:
-        report.error(str(path), "", f"cannot be read ({error.strerror or error})", "check the rights of the files")
+        report.error(str(path), "", f"cannot be read ({error.strerror or error})", "check the permissions of the files")
     if report.errors or result is None:
         raise DatasetError(name, report.errors)
     return result
 
 
 def check_trajectories(table: UsableRows, rate: float | None) -> None:
-    """Check order, continuity and length of trials, times, and the stated rate (Hz)."""
+    """Check the order, continuity and length of trials, their times, and the stated rate (Hz)."""
     trial, t = table.data["trial"].to_numpy(), table.data["t"].to_numpy(float)
     _check_contiguous(table, trial)
 
@@ -166,12 +166,12 @@ def check_trajectories(table: UsableRows, rate: float | None) -> None:
         usual = float(np.median(step[forward]))
         _check_step(table, usual, rate)
         what = "samples are missing before these rows (the time step is more than 1.5 times the usual one)"
-        remedy = "nothing, if frames were lost: only gaps of more than 8 steps cost impacts"
+        remedy = "none needed if frames were lost: only gaps of more than 8 steps cost impacts"
         table.warn("column t", what, remedy, same & (step > 1.5 * usual))
 
 
 def _check_copies(table: UsableRows, columns: list[str]) -> None:
-    """Report trials equal to another to the last digit: a release cannot be measured twice."""
+    """Report trials that equal another to the last digit: no release can be measured twice."""
     values = table.data[columns].to_numpy(float)
     still = np.ptp(values, axis=0) == 0.0
     # a channel that never changes was not measured, which is reported elsewhere; a body may turn about one axis alone
@@ -188,18 +188,18 @@ def _check_copies(table: UsableRows, columns: list[str]) -> None:
     if not pairs:
         return
     shown = first_of([f"{a} and {b}" for a, b in pairs], more="more pairs")
-    remedy = "keep one of each: copies would be in the training and in the held-out part, and count twice"
-    table.error("column trial", f"trials {shown} hold the same measurements to the last digit", remedy)
+    remedy = "keep one of each: copies could be both in the training and in the held-out part, and would count twice"
+    table.error("column trial", f"trials {shown} contain the same measurements to the last digit", remedy)
 
 
 def _check_step(table: UsableRows, step: float, rate: float | None) -> None:
     if step > SLOWEST:
         counted = step == round(step) and rate is not None and abs(step * rate / 1000.0 - 1.0) >= 0.1
         hint = "frame numbers" if counted else "milliseconds"
-        what = f"the median time step is {step:.4g} s, too slow to see a bounce; t looks like {hint}"
+        what = f"the median time step is {step:.4g} s, too long to resolve a bounce; t looks like {hint}"
         table.error("column t", what, "give t in seconds")
     elif rate is not None and abs(step * rate - 1.0) > RATE_TOLERANCE:
-        what = f"the median time step is {step:.6g} s ({1.0 / step:.6g} Hz), but dataset.yaml says rate: {rate:g} Hz"
+        what = f"the median time step is {step:.6g} s ({1.0 / step:.6g} Hz), but dataset.yaml has rate: {rate:g} Hz"
         table.error("column t", what, "correct rate in dataset.yaml (or leave it out), or t if it is not in seconds")
 
 
@@ -210,18 +210,18 @@ def check_impacts(table: UsableRows) -> None:
     _check_contiguous(table, trial)
 
     duplicated = data.duplicated(["trial", "impact"]).to_numpy()
-    what = "the same impact of the same trial stands in an earlier row"
+    what = "the same impact of the same trial occurs in an earlier row"
     remedy = "give each release its own trial number, or delete the copies"
     table.error("columns trial and impact", what, remedy, duplicated)
     if table.complete:
-        # gaps are legitimate: an impact that could not be measured is left out but keeps its number
+        # gaps are allowed: an impact that could not be measured is left out, and its number with it
         same = np.concatenate([[False], trial[1:] == trial[:-1]])
         falls = np.concatenate([[False], impact[1:] <= impact[:-1]]) & same
         bad = ((impact < 0) | falls) & ~np.isin(trial, trial[duplicated])
         if not np.any(impact == 0):
             bad |= True
         what = "within a trial, impact must count up from 0 (0, 1, 2, …) in order"
-        remedy = "renumber it; with one impact a trial, trial counts up and impact is 0 throughout"
+        remedy = "renumber it; with one impact per trial, trial counts up and impact is 0 throughout"
         table.error("column impact", what, remedy, bad)
     velocities = V_PRE_IN_SPACE + V_POST_IN_SPACE if "z" in data else V_PRE + V_POST
     _check_copies(table, list(velocities))
@@ -233,12 +233,12 @@ def _check_optional(table: UsableRows) -> None:
     point = CONTACT_POINT if "z" in data else CONTACT_POINT[:2]
     there, lacking = ([name for name in point if (name in data) == given] for given in (True, False))
     if there and lacking:
-        remedy = "give all coordinates of the contact point, or none (then the shape and the orientation give it)"
-        table.error(f"column {lacking[0]}", f"is missing although {there[0]} is there", remedy)
+        remedy = "give all coordinates of the contact point, or none (the shape and the orientation then determine it)"
+        table.error(f"column {lacking[0]}", f"is missing although {there[0]} is given", remedy)
     lacking = [name for name in COVARIANCE_COLUMNS if name not in data]
     if 0 < len(lacking) < len(COVARIANCE_COLUMNS):
         present = len(COVARIANCE_COLUMNS) - len(lacking)
-        what = f"only {present} of the {len(COVARIANCE_COLUMNS)} covariance columns are there"
+        what = f"only {present} of the {len(COVARIANCE_COLUMNS)} covariance columns are given"
         remedy = "give the whole lower triangle cov_<a>_<b>, or none of it"
         table.error(f"column {first_of(lacking, 1)}", what, remedy)
     for name in (f"cov_{state}_{state}" for state in STATE):
@@ -263,10 +263,10 @@ def _check_contiguous(table: UsableRows, trial: np.ndarray) -> None:
 
 
 def whole_poses(table: UsableRows) -> UsableRows:
-    """The rows with a position, quaternions (scalar first) of length 1 and with one sign; NaN where there are none.
+    """The rows with a position; quaternions (scalar first) get length 1 and a unique sign, and NaN if missing.
 
-    A row may have a position alone; a row without one is a lost frame, as if it were not there.  What is partly there,
-    or is not a rotation, is reported.
+    A row may have a position only; rows without one are lost frames and are dropped.  Incomplete poses, and
+    quaternions that are not rotations, are reported.
     """
     if lacking := [name for name in QUATERNION if name not in table.data]:
         if len(lacking) < len(QUATERNION):
@@ -286,8 +286,8 @@ def whole_poses(table: UsableRows) -> UsableRows:
     with np.errstate(invalid="ignore"):
         wrong = np.abs(length - 1.0) > UNIT
     if wrong.any():
-        what = f"the length of the quaternion is {length[wrong][0]:.4g}, and that of a rotation is 1"
-        remedy = "are these the four columns of a quaternion, the scalar in qw?"
+        what = f"the length of the quaternion is {length[wrong][0]:.4g}; that of a rotation is 1"
+        remedy = "check that these are the four columns of a quaternion, with the scalar in qw"
         table.error("columns qw, qx, qy, qz", what, remedy, wrong)
     data = data.assign(**dict(zip(QUATERNION, of_one_sign(q).T)))
     seen = placed == 3
@@ -297,7 +297,7 @@ def whole_poses(table: UsableRows) -> UsableRows:
 
 
 def of_one_sign(q: np.ndarray) -> np.ndarray:
-    """Quaternions (n, 4) of length 1, of which the first number that is not 0 is positive."""
+    """Quaternions (n, 4) scaled to length 1, with the sign that makes the first nonzero component positive."""
     length = np.linalg.norm(q, axis=1)
     with np.errstate(invalid="ignore", divide="ignore"):
         unit = np.where((np.abs(length - 1.0) > EXACT)[:, None], q / length[:, None], q)

@@ -1,4 +1,4 @@
-"""Write a dataset folder that `read_dataset` reads back."""
+"""Write a dataset into a folder from which `read_dataset` reads it back."""
 
 from pathlib import Path
 
@@ -13,11 +13,11 @@ from thesis_lib.foundation.settings import Section
 
 
 def write_dataset(dataset: Dataset, folder: str | Path, float_format: str | None = FLOAT_FORMAT) -> Path:
-    """Write dataset.yaml, trajectories.csv, impacts.csv and a mesh into `folder`, made if needed, and return it.
+    """Write dataset.yaml, trajectories.csv, impacts.csv and a mesh into `folder` (made if needed) and return its path.
 
-    dataset.yaml comes last, so that a killed run leaves no dataset with half its tables.  Tables of the same names are
-    replaced; UserError if the folder holds one that the dataset lacks (it would be read as part of it).  Without
-    `float_format`, numbers are the shortest text that reads back to the same bits.
+    dataset.yaml is written last, so that an interrupted run leaves no incomplete dataset.  Existing tables of the same
+    names are replaced; UserError if the folder has a table that the dataset lacks (it would be read as part of it).
+    Without `float_format`, numbers are written as the shortest text that reads back to the same bits.
     """
     folder = Path(folder)
     poses = dataset.trajectories
@@ -29,7 +29,7 @@ def write_dataset(dataset: Dataset, folder: str | Path, float_format: str | None
         for name in stale:
             if (folder / name).exists():
                 raise UserError(
-                    f"{folder / name} is in the way: it would be read as part of the dataset {dataset.name}. "
+                    f"{folder / name} already exists and would be read as part of the dataset {dataset.name}. "
                     "Delete it, or choose another folder."
                 )
     for stem, table in tables.items():
@@ -46,5 +46,5 @@ def header_text(header: Section) -> str:
     """dataset.yaml or recording.yaml as text, with the keys in the documented order."""
     content = header.model_dump(mode="json", by_alias=True, exclude_none=True)
     if "surfaces" in content:
-        del content["surface"]  # there is none beside walls and named surfaces
+        del content["surface"]  # must not be given beside walls or named surfaces
     return yaml.safe_dump(content, sort_keys=False, allow_unicode=True, width=110, default_flow_style=None)

@@ -1,7 +1,7 @@
-"""Impacts at walls, each turned into the frame of the wall that it hits, where that wall is the floor.
+"""Impacts at walls, each turned into the frame of the wall that it hits, in which that wall is the floor.
 
-Arcs are fitted in the plane as it was filmed; only the touch asks for the wall (`arcs`).  What judges and uses the
-impacts afterwards sees them turned (`bodies.walls`).  The noise of x and y must then be one, as that of a camera is.
+Arcs are fitted in the plane as recorded; only the touch term depends on the wall (`arcs`).  Later tests and uses of the
+impacts see them turned (`bodies.walls`).  The noise of x and y must therefore be equal, as for a camera.
 """
 
 from dataclasses import replace
@@ -38,7 +38,7 @@ def on_floors(fits: ArcFits, header: Header) -> ArcFits:
 def off_wall(fits: ArcFits, header: Header, settings: ArcSettings) -> np.ndarray:
     """Mask (n,) of hits clearly away from all walls; none on one surface.
 
-    Fits are those in the frames of the walls.  Where a wall stands is judged by the median of the gaps at it.
+    Fits are those in the frames of the walls.  The position of a wall is estimated by the median of the gaps at it.
     """
     n = len(fits)
     if header.surfaces is None or not n:
@@ -53,16 +53,16 @@ def off_wall(fits: ArcFits, header: Header, settings: ArcSettings) -> np.ndarray
 
 
 def gravity_towards(fits: ArcFits, header: Header) -> np.ndarray:
-    """Gravity (n,) in m/s² across the walls of n impacts in the frames of these, positive towards the wall."""
+    """Gravity (n,) in m/s² normal to the walls of n impacts in their frames, positive towards the wall."""
     if header.surfaces is None:
         return np.full(len(fits), header.gravity)
     return header.gravity * np.cos([wall.angle for wall in header.surfaces])[fits.surface]
 
 
 def time_to_another_wall(fits: ArcFits, header: Header) -> np.ndarray:
-    """Time (n,) in s between the hits of n impacts in the frames of their walls and those of the nearest other wall.
+    """Time (n,) in s between each of n impacts, in the frames of their walls, and a hit on the nearest other wall.
 
-    Before or after, whichever way is the quicker one; ∞ on one surface.
+    Before or after the impact, whichever is sooner; ∞ on one surface.
     """
     walls, n = header.surfaces or (), len(fits)
     if len(walls) < 2 or not n:

@@ -1,8 +1,8 @@
 """From trajectories to impacts: detection, arc fits, noise estimate and quality tests, in this order.
 
 Each step handles all impacts at once: sort the samples and find gaps (`samples`), mask glitches and detect (`spikes`),
-fit two arcs around each hit (`arcs`), estimate the noise from their residuals (`noise`, `colour`), keep samples that a
-filter rounded out of the flights (`rounding`), fit again with that noise, and test (`quality`).  Impacts that cannot be
+fit two arcs around each hit (`arcs`), estimate the noise from their residuals (`noise`, `colour`), exclude samples that
+a filter rounded (`rounding`), fit again with that noise, and test (`quality`).  Impacts that cannot be
 measured are left out with a reason; the others carry a covariance.
 """
 
@@ -54,12 +54,12 @@ from thesis_lib.datasets.samples.pieces import cut_into_pieces, without_rests
 from thesis_lib.datasets.samples.stamps import exposure_times
 from thesis_lib.foundation.errors import UserError
 
-_NOISIER = 1.3  # ratio of noise in the arcs to noise assumed that calls for a second detection
-_STANDING_OUT = 0.9  # share of the hits that are left with coloured noise; fewer call for a second detection
-_MOST = 0.5  # share of the impacts used; a wrong surface gives 1, measured sets stay below 0.1
-_FASTEST = 5.0  # speed after an impact over that before it, or over the median; no impact gains a factor of 2
-_SIDEWAYS = 0.4  # of gravity, one sigma in flight: beyond it no motion in the plane of the camera
-_SLOWER = 2.0  # sigmas of friction with a table that no hit must be
+_NOISIER = 1.3  # ratio of the noise in the arcs to the assumed noise, above which detection is repeated
+_STANDING_OUT = 0.9  # share of the hits that remain with coloured noise, below which detection is repeated
+_MOST = 0.5  # share of the used impacts; a wrong surface gives 1, measured sets stay below 0.1
+_FASTEST = 5.0  # speed after an impact over the speed before it, or over the median; no impact gains a factor of 2
+_SIDEWAYS = 0.4  # of gravity, one sigma in flight: beyond it the motion leaves the plane of the camera
+_SLOWER = 2.0  # sigmas of table friction that must not count as a hit
 _DISPLACED = 0.1  # sampling intervals; samples then change sides
 _Found = tuple[Samples, np.ndarray, ArcFits, NoiseEstimate, np.ndarray, np.ndarray]
 
@@ -67,7 +67,7 @@ _Found = tuple[Samples, np.ndarray, ArcFits, NoiseEstimate, np.ndarray, np.ndarr
 def find_impacts(dataset: Dataset, settings: ArcSettings | None = None) -> FoundImpacts:
     """Impacts of a dataset; `settings` are `ArcSettings()` if None.
 
-    Impacts in impacts.csv are taken as they are, even beside trajectories: our fits should not replace impacts measured
+    Impacts in impacts.csv are used as they are, even beside trajectories: our fits should not replace impacts measured
     by better means.  Their covariance comes from the table, else from the header's noise, else it is None.
     UserError: the dataset has neither impacts nor trajectories, or its impacts contradict its header.
     """
@@ -90,7 +90,7 @@ def find_impacts(dataset: Dataset, settings: ArcSettings | None = None) -> Found
             f"({whence}); effects that show in the angle or the spin alone cannot be tested."
         )
         detected = replace(detected, warnings=(*detected.warnings, said))
-    # soft contacts and those of a simulation's step are not where the body touches
+    # soft contacts, and contacts found once per simulation step, are not where the body touches
     touches = detected.soft is None and not detected.step
     shape, poses = header.body.shape, detected.impacts.q
     if touches and (what := radians_as_degrees(shape, poses)):
@@ -110,7 +110,7 @@ def find_in_arrays(
 ) -> FoundImpacts:
     """Impacts from poses in any order: `trial` (N,), `t` (N,) in s, `q` (N, 3) in m, m, rad with θ unwrapped.
 
-    `believed` (3,) is the header's noise, NaN where it is not believed; None: it is, unless the samples show less.
+    `believed` (3,) is the header's noise, NaN where not believed; None: it is believed unless the samples show less.
     """
     settings = given = settings or ArcSettings()
     everything, copied = without_copies(make_samples(trial, t, q, header, settings))
@@ -133,18 +133,18 @@ def find_in_arrays(
     samples, at, fits, noise, glitch, sigma = search(settings, np.zeros(3))
     least = np.zeros(3)
     if (noise.colour > 1.0).any():
-        # jumps that coloured noise makes are not hits; where nearly all stand out of it, the search stays what it was
+        # jumps due to coloured noise are not hits; if nearly all hits stand out of it, the search is not repeated
         coloured = np.fmax(sigma, noise.used * np.sqrt(noise.colour))
         if len(detect(samples, header, coloured, settings, weak=True)) < _STANDING_OUT * len(at):
             least = coloured
             samples, at, fits, noise, glitch, sigma = search(settings, least)
     falls = header.surfaces is None and header.gravity > 0.0
     if step := contact_step(fits, header, settings) if falls else 0.0:
-        # a body that turns round off the surface does not say when by touching it
+        # for a body that turns round off the surface, the touch does not give the instant
         settings = settings.model_copy(update={"touch_sigma": float(np.abs(fits.gap).max())})
         samples, at, fits, noise, glitch, sigma = search(settings, least)
     usual, rounded = settings.guard, 0.0
-    # samples of a body that leaves its plane, of a simulation, or of one that lands and stays are not rounded
+    # no rounding is sought for a body that leaves its plane or lands and stays, or in a simulation
     lands = np.isfinite(landing_speeds(samples, at, noise.used, header, settings)).sum() > _MOST * len(at)
     if not (step or lands) and (on_table or noise.stray[0] < _SIDEWAYS * header.gravity):
         sides = "both" if on_table else "either"
@@ -258,7 +258,7 @@ def _search(
 ) -> _Found:
     """Samples without glitches, instants (n,), arcs, noise, mask of glitches, noise (3,) with which arcs were fitted.
 
-    `stated` (3,) is the header's noise, NaN where it states none; hits stand out of noise of at least `least` (3,).
+    `stated` (3,) is the header's noise, NaN where it states none; hits must exceed noise of at least `least` (3,).
     """
     rough, believed = noise_from_differences(everything), stated
     for _ in range(2):
@@ -286,7 +286,7 @@ def _search(
 
 
 def _displaces(stray: np.ndarray, fits: ArcFits, samples: Samples) -> bool:
-    """Whether accelerations `stray` (3,) move the instants of impacts by a good part of a sampling interval.
+    """Whether accelerations `stray` (3,) move the instants of impacts by a considerable part of a sampling interval.
 
     A line through an arc of duration T ends a T²/12 off its parabola.
     """
@@ -312,9 +312,9 @@ def _detection_warnings(
 ) -> tuple[str, ...]:
     """Sentences for the user if nothing was found, or if most impacts happen off the surface.
 
-    `known`: a remark says already why no impact can be used; `line`: a surface that slopes or is bent.
+    `known`: a remark already explains why no impact can be used; `line`: a surface that slopes or is bent.
     """
-    advice = "Check that y points up and is in m, the times, and that the records hold the impacts with some flight."
+    advice = "Check that y points up and is in m, the times, and that the records contain impacts with some flight."
     if not len(fits):
         return (f"No impact was found in {len(trials)} trials. {advice}",)
     if not used.any():
@@ -332,7 +332,7 @@ def _detection_warnings(
     return (
         f"In {off.sum()} of {used.sum()} impacts the body is off the surface (no_touch; median gap {gap:+.3g} m). "
         f"Correct surface.height ({header.surface.height:g} m; {header.surface.height + gap:.4g} m would close the "
-        "gap) or the shape in dataset.yaml, or y, which must be that of the body's centre of mass.",
+        "gap) or the shape in dataset.yaml, or y, which must refer to the body's centre of mass.",
     )
 
 

@@ -1,10 +1,10 @@
-"""Energy that grows at impacts, and bodies that turn round off the surface: what a step of a simulation does to both.
+"""Energy gain at impacts, and bodies that turn round off the surface: effects of the time step of a simulation.
 
-A simulation that looks for contacts once a step Δ finds them at any gap up to v_n Δ, the same for all speeds,
+A simulation that detects contacts once per step Δ finds them at any gap up to v_n Δ, so that for all speeds
 
     φ_n / |v_n| is spread between 0 and Δ (or −Δ),
 
-where a wrong height of the surface gives one φ_n.  It gains or loses energy, as it reverses the velocity there.
+whereas a wrong height of the surface gives a single φ_n.  Energy changes, as the velocity is reversed at the wrong gap.
 """
 
 import numpy as np
@@ -18,11 +18,11 @@ from thesis_lib.datasets.impacts.quality import contact_measures
 from thesis_lib.statistics.spread import robust_mean, robust_std
 
 FEWEST = 8  # impacts
-MOSTLY = 0.75  # share of the impacts that gain; half of those of ε = 1 do by chance
+MOSTLY = 0.75  # share of the impacts that gain; with ε = 1 half of them do by chance
 MATERIAL = 1e-3  # relative gain in energy that is worth a sentence
 CLEAR = 3.0  # standard errors
 ONE_SIDE = 0.9  # share of the gaps with one sign
-SCATTER = 0.3  # of the gaps over their median: a wrong height gives none, one spread evenly from 0 has 0.74
+SCATTER = 0.3  # of the gaps over their median: 0 for a wrong height, 0.74 for gaps spread evenly from 0
 # quantiles of φ_n / |v_n|: 10 % over 50 %, and 50 % over 90 %; evenly spread from 0 to Δ they are 0.2 and 0.56, where a
 # wrong height gives 1 and 1 at one speed, and a long tail of slow hits at many
 NEAR_NONE, EVENLY = 0.5, 0.4
@@ -41,18 +41,18 @@ def energy_gain(impacts: Impacts) -> float:
 
 
 def gain_sentence(impacts: Impacts, gain: float, step: float) -> str:
-    """Sentence: energy grows, and why it may; `gain` is from `energy_gain`, `step` in s from `contact_step`."""
+    """Sentence on growing energy and its causes; `gain` is from `energy_gain`, `step` in s from `contact_step`."""
     seen = " (the gaps at impact look like that)" if step else ""
     growing = np.sum(contact_measures(impacts).alpha > 1.0)
     return (
         f"Energy grows at {growing} of {len(impacts)} impacts, by {100.0 * gain:.2g} % in the median (contact-space "
-        f"energy; {50.0 * gain:.2g} % of the speed); no impact law with ε ≤ 1 can do that. Contacts may be looked for "
-        f"once a step of a simulation{seen}, the surface may move, or lengths or times of the two sides differ."
+        f"energy; {50.0 * gain:.2g} % of the speed); no impact law with ε ≤ 1 can do that. Contacts may be detected "
+        f"once per step of a simulation{seen}, the surface may move, or lengths or times of the two sides differ."
     )
 
 
 def contact_step(fits: ArcFits, header: Header, settings: ArcSettings) -> float:
-    """Δ in s, if the gaps of impacts are spread from 0 to v_n Δ and are not touches; else 0."""
+    """Step Δ in s, if the gaps at impacts are spread from 0 to v_n Δ instead of being 0; else 0."""
     v_n, _ = approach(fits, header)
     rows = (fits.n_side >= settings.min_window).all(1) & fits.converged & (v_n < 0.0)
     if rows.sum() < FEWEST or np.median(np.abs(fits.gap[rows])) < settings.touch_limit:
@@ -69,9 +69,9 @@ def contact_step(fits: ArcFits, header: Header, settings: ArcSettings) -> float:
 
 
 def step_sentence(step: float, v_n: np.ndarray) -> str:
-    """Sentence: the body turns round off the surface, and what causes it; `v_n` (n,) in m/s before impact."""
+    """Sentence on a body that turns round off the surface, and on the cause; `v_n` (n,) in m/s before impact."""
     return (
-        f"The body turns round off the surface (no_touch), by what it flies in 0 to {1e3 * step:.2g} ms, up to "
-        f"{np.quantile(np.abs(v_n), EDGE) * step:.2g} m: contacts are looked for once a step of a simulation. No "
+        f"The body turns round off the surface (no_touch), by the distance it flies in 0 to {1e3 * step:.2g} ms, up to "
+        f"{np.quantile(np.abs(v_n), EDGE) * step:.2g} m: contacts are detected once per step of a simulation. No "
         "height of the surface closes these gaps; a shorter step, or one that ends at the touch, does."
     )

@@ -1,11 +1,11 @@
 """Episodes: hits that follow each other too quickly to see the flight between them.
 
 A body that lands on a corner often lands on the next one a few milliseconds later.  Neither hit can be measured alone,
-but what happens to both together can: the flight before the first and the flight after the last are as long as any.
+but their joint effect can: the flight before the first and the flight after the last are as long as any.
 
 Hits with fewer than `min_window` samples between them form an episode, and so does a hit whose own samples show that a
 second one was too close to be detected (`second_hit` in `quality`).  Samples beside an episode that do not lie on the
-flight through the others are skipped, at most `MOST_SKIPPED` a side.  Both flights must be ballistic, as for a single
+flight through the others are skipped, at most `MOST_SKIPPED` per side.  Both flights must be ballistic, as for a single
 hit.
 """
 
@@ -55,7 +55,7 @@ def find_episodes(
     """Episodes in `samples`, a row each with `EPISODE_COLUMNS`: trial, first and last hit with their times in s, times
     `start` and `end` in s of the last sample before and the first after, and the samples of both flights.
 
-    `hits` are all detected, sorted by trial and time, with trial, impact, t (s), gap (m) and reason
+    `hits` are all detected hits, sorted by trial and time, with trial, impact, t (s), gap (m) and reason
     ("" = used alone); `clearance` (N,) and (N,) is the gap of the believed body at each sample and its one sigma, in m.
     """
     sigma, stray = noise.used * np.sqrt(noise.colour), noise.stray
@@ -89,9 +89,9 @@ def find_episodes(
 
 
 def groups_of_hits(hits: pd.DataFrame, number: np.ndarray) -> np.ndarray:
-    """First and last row (g, 2) of each run of hits with too few samples between; those used alone are left alone.
+    """First and last row (g, 2) of each run of hits with too few samples between them; hits used alone are excluded.
 
-    `number` (h,): that of the first sample after each hit.
+    `number` (h,): index of the first sample after each hit.
     """
     trial, reason = (hits[name].to_numpy() for name in ("trial", "reason"))
     if not len(hits):
@@ -119,7 +119,7 @@ def _flight(
 ) -> _Side:
     """Samples from `edge` (m,) towards `bound` (m,), in s; `way` is −1 before an episode and 1 after it.
 
-    `paths` (N, 3) are poses without what the air made of them, `index`, `near` (m, W) as `Samples.around` gives them.
+    `paths` (N, 3) are poses without the effect of the air, `index`, `near` (m, W) as `Samples.around` gives them.
     """
     t = samples.t[index] - edge[:, None]
     inside = near & (way * t > settings.guard)
@@ -138,8 +138,8 @@ def _flight(
 
 
 def end_off_line(used: np.ndarray, t: np.ndarray, q: np.ndarray, sigma: np.ndarray, way: int) -> np.ndarray:
-    """1 (m, W) for the first sample used, the last if `way` is −1, where it is off the line through those beyond the
-    next one."""
+    """1 (m, W) for the first sample used (the last if `way` is −1) if it is off the line through the samples beyond
+    the next one; else 0."""
     order = ranked(used, way)
     beside, others = used * (order == 1), used * (order > 2)
     line = lines_through(others[:, None], t, q)
@@ -150,8 +150,8 @@ def end_off_line(used: np.ndarray, t: np.ndarray, q: np.ndarray, sigma: np.ndarr
 
 
 def _line(side: _Side, sigma: np.ndarray, stray: np.ndarray, limit: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Of a line through the samples used that allows for stray acceleration: their count (m,), chi² (m, 3), and whether
-    the path is bent (m,), as it holds a hit that was not detected."""
+    """For a line through the samples used that allows for stray acceleration: their count (m,), chi² (m, 3), and
+    whether the path is bent (m,), as by an undetected hit."""
     line = lines_through(side.used[:, None], side.t, side.q)
     _, ss, _, curvature, norm2 = bow(side.used[:, None], side.t, line)
     count = line.count[:, 0]
@@ -160,7 +160,7 @@ def _line(side: _Side, sigma: np.ndarray, stray: np.ndarray, limit: float) -> tu
 
 
 def _straight(side: _Side, way: int, sigma: np.ndarray, stray: np.ndarray, settings: ArcSettings) -> _Side:
-    """The side cut to the half beside the episode, and again, while its path is bent."""
+    """The side, cut to the half beside the episode, and once more, if its path is bent."""
     for _ in range(_CUTS):
         count, _, bent = _line(side, sigma, stray, settings.arc_deviation)
         most = np.where(bent, np.maximum(count // 2 + 1, MIN_FLIGHT), np.inf)
@@ -178,17 +178,17 @@ def _is_flight(side: _Side, sigma: np.ndarray, stray: np.ndarray, gravity: float
 
 
 def clearance_in_plane(samples: Samples, noise: NoiseEstimate, header: Header) -> tuple[np.ndarray, np.ndarray]:
-    """Gap (N,) of the believed planar body at each sample, without what the air made of its path, and its one sigma."""
+    """Gap (N,) of the believed planar body at each sample, without the effect of the air, and its one sigma."""
     sigma, q = noise.used * np.sqrt(noise.colour), samples.without_air()
     r = header.body.shape.contact_point(q[:, 2])
     return q[:, 1] + r[:, 1] - header.surface.height, np.hypot(sigma[1], r[:, 0] * sigma[2])
 
 
 def _is_clear(used: np.ndarray, way: int, gap: np.ndarray, sigma: np.ndarray, level: float) -> np.ndarray:
-    """Mask (m,) of sides whose body is off the surface at all samples (m, W) but the first and the last.
+    """Mask (m,) of sides whose body is off the surface at all samples (m, W) except the first and the last.
 
-    A weak hit between few samples bends their path by too little to show, but the body must come down for it.  `level`
-    in m is the gap at which bodies hit; that of a wrong surface or size is not 0.
+    A weak hit between few samples bends their path too little to show, but the body must come down for it.  `level`
+    in m is the gap at which bodies hit; it is not 0 if surface or size are wrong.
     """
     order = ranked(used, way)
     inner = (used > 0) & (order > 1) & (order < used.sum(1)[:, None])

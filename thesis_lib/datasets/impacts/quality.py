@@ -1,4 +1,4 @@
-"""Quality tests of impacts: what cannot be measured is left out, what looks unphysical is flagged and kept.
+"""Quality tests of impacts: those that cannot be measured are left out, those that look unphysical are flagged.
 
 Left out, with a reason (the first that applies):
 
@@ -13,7 +13,7 @@ Left out, with a reason (the first that applies):
 | `not_ballistic`    | no free flight on a side (held, resting, rolling, a bad track), or arcs that never meet      |
 | `no_approach`      | the contact point does not approach the surface: rest or rolling, no impact                  |
 
-Flagged (names joined by ';') and kept, because dropping them would drop the evidence of what a model lacks:
+Flagged (names joined by ';') and kept, because they are the evidence of what a model lacks:
 
 | flag            | meaning                                                                             |
 |-----------------|-------------------------------------------------------------------------------------|
@@ -21,7 +21,7 @@ Flagged (names joined by ';') and kept, because dropping them would drop the evi
 | `cone`          | |P_t| > mu_max P_n                                                                  |
 | `compression`   | v_n+ < 0: the impulse lies below the line of maximum compression                    |
 | `arc_deviation` | an arc deviates from the parabola by more than noise explains, though not grossly   |
-| `no_touch`      | the gap at impact is not 0 within 5 sigma and 2 mm, nor what a contact's time makes |
+| `no_touch`      | the gap at impact is not 0 within 5 sigma and 2 mm, nor due to the contact time     |
 
     v_C = J v,   J = [[1, 0, −r_y], [0, 1, r_x]],   M_C = (J M⁻¹ Jᵀ)⁻¹,   M = diag(m, m, m k²),   P = M_C J Δv
 
@@ -104,8 +104,8 @@ def thesis_filter(impacts: Impacts) -> np.ndarray:
 def assess_arcs(
     fits: ArcFits, samples: Samples, at: np.ndarray, sigma: np.ndarray, header: Header, settings: ArcSettings
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Reason ('' = usable), detail and flags, each (n,) text, of n fitted impacts, and the speeds (n,) in m/s of those
-    after which the body stays down, else NaN; `at` (n,) are the samples before, as detected, `sigma` (3,) is the noise.
+    """Reason ('' = usable), detail and flags, each (n,) text, of n fitted impacts, and the speeds (n,) in m/s at
+    which the body hits and stays down, else NaN; `at` (n,) are the detected samples before, `sigma` (3,) is the noise.
     """
     n = len(fits)
     reason, detail = np.full(n, "", object), np.full(n, "", object)
@@ -156,7 +156,7 @@ def assess_arcs(
         "arc_deviation": is_bent(fits, sigma, settings.arc_deviation).any(1),
         "no_touch": (np.abs(fits.gap) > far) & (np.abs(fits.gap + _sunk_in(fits, header)) > far),
     }
-    # the fit of two arcs makes no sense of a body that rests after the hit: it says `not_ballistic` as it finds it
+    # two arcs do not describe a body that rests after the hit: the reason is then `not_ballistic` so far
     speed = landing_speeds(samples, at, sigma, header, settings)
     rests = (reason == "not_ballistic") & np.isfinite(speed)
     reason[rests], detail[rests] = "stays_down", ("hits with " + _text(speed) + " m/s and does not rebound")[rests]
@@ -164,7 +164,7 @@ def assess_arcs(
 
 
 def _sunk_in(fits: ArcFits, header: Header) -> np.ndarray:
-    """How deep (n,) in m below the surface the arcs of n impacts meet because contacts take time: τ |v_n| / √K_nn.
+    """Depth (n,) in m below the surface at which arcs meet because contacts take time: τ |v_n| / √K_nn.
 
     τ in s is the same for all, from the median of the gaps; 0 if another height of the surface explains them
     better.
@@ -180,9 +180,9 @@ def _sunk_in(fits: ArcFits, header: Header) -> np.ndarray:
 
 
 def _second_corner(fits: ArcFits, header: Header) -> np.ndarray:
-    """Time (n,) in s from the impact of a polygon's lowest corner to that of the next one; ∞ for other shapes.
+    """Time (n,) in s from the impact of a polygon's lowest corner to that of the next corner; ∞ for other shapes.
 
-    From the state before the impact and impulses without friction: the longer time of little and much restitution.
+    From the state before the impact and impulses without friction: the longer time of low and high restitution.
     """
     wait = np.full(len(fits), np.inf)
     if not isinstance(header.body.shape, Polygon):

@@ -10,8 +10,8 @@ impacts.  The detector runs from fine w, which separates strong hits, to coarse 
 treats the impacts of earlier passes as ends of a trial.
 
 A body at rest on the surface does not fall.  The part of the jump of v_y that such support explains is removed first.
-That hides the weakest hits; a last pass looks for them without this allowance, and keeps those with ten samples of
-clean free fall on either side.
+This hides the weakest hits; a last pass searches without this allowance, and keeps hits with ten samples of clean free
+fall on either side.
 
 A tracking glitch is masked first: one sample far off the line through its four neighbours, which fit one line among
 themselves, so that no jump of velocity remains.
@@ -39,7 +39,7 @@ def find_glitches(samples: Samples, gravity: float, sigma: np.ndarray, settings:
     starts = np.flatnonzero(np.r_[True, samples.run[1:] != samples.run[:-1]])
     length = np.diff(np.r_[starts, n])
     first, size = np.repeat(starts, length), np.repeat(length, length)
-    # only samples with a large second difference, and the ends of runs, are worth the closer look
+    # only samples with a large second difference, and the ends of runs, need the full test
     large = np.ones(n, bool)
     second = np.abs(q[2:] - 2.0 * q[1:-1] + q[:-2]) > settings.outlier_sigma * sigma
     large[1:-1] = second.any(1) | (samples.run[2:] != samples.run[:-2])
@@ -51,7 +51,7 @@ def find_glitches(samples: Samples, gravity: float, sigma: np.ndarray, settings:
     tau = samples.t[window] - samples.t[here, None]
 
     def stands_out(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Squares (n, c) by which the sample is off the line through the others, and those of the others from it."""
+        """Squared deviations (n, c) from the line through the other samples: of the sample, and of the others."""
         line = lines_through(weight[:, None], tau, values)
         residual = line.residual[:, 0] ** 2
         own = ((1.0 - weight)[..., None] * residual).sum(1)
@@ -72,7 +72,7 @@ def detect(
 ) -> np.ndarray:
     """Indices (n,), ascending: an impact happens between sample i and i + 1 of the same trial.
 
-    `slowing` in m/s² is what friction with a table may take from the speed, which is not an impact.  `weak`: also hits
+    `slowing` in m/s² is the deceleration by friction with a table, which is not an impact.  `weak`: also hits
     between clean flights that are significant only without the allowance for rest.
     """
     n = len(samples)
@@ -88,7 +88,7 @@ def detect(
 
     for w in settings.scales:
         score, free = scores(w)
-        # the allowance for support flattens the peak of a weak hit: it decides whether there is a hit, `free` where
+        # the allowance for support flattens the peak of a weak hit: `score` decides whether it is a hit, `free` where
         is_hit |= _peaks(free, w, settings) & (score > settings.threshold**2)
     at = np.flatnonzero(is_hit)
     if not weak:
@@ -104,7 +104,7 @@ def detect(
 
 def _peaks(score: np.ndarray, w: int, settings: ArcSettings) -> np.ndarray:
     peak = score > settings.threshold**2
-    for shift in range(1, max(2, w)):  # hits w or more samples apart do not shade each other
+    for shift in range(1, max(2, w)):  # hits w or more samples apart do not mask each other
         peak[shift:] &= score[shift:] > score[:-shift]
         peak[:-shift] &= score[:-shift] >= score[shift:]
     return peak
@@ -123,7 +123,7 @@ def _jump_scores(
 ) -> tuple[np.ndarray, np.ndarray]:
     """T (N,) of the instant after each sample, with and without allowance for support; 0 without room for lines."""
     t, n = samples.t, len(samples)
-    # accelerations that no jump makes turn lines the more the further apart
+    # accelerations without a jump turn lines the more, the further these are apart
     scatter = 0.0 if samples.air is None else samples.air.scatter
     before = _running_lines(t, q, segment, spoiled, w)
     # the same from the other end: mirrored in time, the window after an instant is one before it

@@ -1,8 +1,8 @@
 """Hits after which the body stays down, though its restitution at other hits would make it rebound visibly.
 
 Every body that bounces comes to rest in the end, at hits too weak to see the flight after them.  A body with the
-restitution ε that hits with v_n would fly for 2 ε v_n / g and rise by (ε v_n)²/(2 g).  Where samples would show that,
-and it stays down all the same while faster hits rebound, restitution ends at a speed: the bounce threshold of a
+restitution ε that hits with v_n would fly for 2 ε v_n / g and rise by (ε v_n)²/(2 g).  If samples would show this, but
+the body stays down while faster hits rebound, then restitution vanishes below some speed: the bounce threshold of a
 simulator, putty, a wet floor.
 """
 
@@ -15,12 +15,12 @@ from thesis_lib.datasets.format.header import Header
 from thesis_lib.datasets.format.samples import ArcSettings, Samples
 
 FEWEST = 3  # hits that stay down
-STRAY = 0.1  # rebounding hits below the speed, over those that stay down
+STRAY = 0.1  # rebounding hits below the speed, over hits that stay down
 RISE = 5.0  # sigmas of y
 FLIGHT = 7  # sampling intervals
 UNKNOWN = 0.3  # ε if no hit rebounds
 OFF = 3  # samples by which the detector may miss the hit: it expects two flights
-FALLS = 9.0  # chi² (3 sigmas) by which free fall before, and rest after, must beat the other
+FALLS = 9.0  # chi² (3 sigmas) by which free fall before, and rest after, must beat the alternative
 AT_SURFACE = 5.0  # sigmas beyond touch_limit
 
 
@@ -38,7 +38,7 @@ class StaysDown:
     epsilon: float
 
     def sentence(self) -> str:
-        """Sentence on hits that stay down, and on where such hits are known."""
+        """Sentence on hits that stay down, and on known causes of such hits."""
         seen = f"{self.count} hits at {self.lowest:.2g} to {self.highest:.2g} m/s, stays_down"
         expected = f"; {self.visible} of them would visibly rebound with the restitution of the others"
         why = "the bounce threshold of a simulator, putty, a wet or a yielding surface"
@@ -46,18 +46,18 @@ class StaysDown:
             return f"The body does not rebound: it stays down after each hit ({seen}), as with {why}."
         return (
             f"Below about {self.speed:.2g} m/s the body does not rebound ({seen}{expected}); above it does "
-            f"({self.rebound} impacts, restitution {self.epsilon:.2g} in the median). A restitution that ends at a "
-            f"speed is that of {why}."
+            f"({self.rebound} impacts, restitution {self.epsilon:.2g} in the median). Restitution that ends at a "
+            f"speed is typical of {why}."
         )
 
 
 def stays_down(
     down: np.ndarray, v_pre: np.ndarray, v_post: np.ndarray, sigma: float, interval: float, gravity: float
 ) -> StaysDown | None:
-    """What hits that stay down with the speeds `down` (m,) say beside those that rebound with `v_post` (n,) after
-    `v_pre` (n,), all in m/s across the surface; None if they are too weak to see a rebound, or rebound as often.
+    """Comparison of hits that stay down with the speeds `down` (m,) and hits that rebound with `v_post` (n,) after
+    `v_pre` (n,), all in m/s across the surface; None if hits are too weak to see a rebound, or rebound as often.
 
-    `sigma` is the noise of y in m, `interval` that between samples in s, `gravity` in m/s².
+    `sigma` is the noise of y in m, `interval` the sampling interval in s, `gravity` in m/s².
     """
     down, v_pre, v_post = np.abs(down), np.abs(v_pre), np.abs(v_post)
     bounced = v_pre > 0.0
@@ -81,7 +81,7 @@ def stays_down(
 def landing_speeds(
     samples: Samples, at: np.ndarray, sigma: np.ndarray, header: Header, settings: ArcSettings
 ) -> np.ndarray:
-    """Speed (n,) in m/s, down, with which the body lands, where it flies before a hit and lies after it; else NaN.
+    """Downward speed (n,) in m/s with which the body lands, if it flies before a hit and lies after it; else NaN.
     Hits happen after the samples `at` (n,); `sigma` (3,) is the noise in m, m, rad.
     """
     landed = np.full(len(at), np.nan)

@@ -1,16 +1,16 @@
-"""Where a body lies or slides on its surface after it has fallen: rests and slides, in the plane and in space.
+"""Rests and slides of a body on its surface after it has fallen, in the plane and in space.
 
 A body *rests* where `ROWS` samples in a row stay within the noise of their mean, after a hit, near the believed
-surface and near an attitude at which it lies.  It *slides* where height and attitude stay so, but its place does not:
-what rolls turns.  In space height and attitude may also change at a small, constant rate, as where the recorded axes
-are not those of the table, and the body may spin about the normal.  What a hand holds above the surface is neither.
+surface and near an attitude in which it can lie.  It *slides* where height and attitude stay within the noise, but its
+position does not; a rolling body turns.  In space, height and attitude may also change at a small, constant rate (axes
+of the recording that differ from the table's), and the body may spin about the normal.  A body held by hand is neither.
 
-A rest of many samples is one measurement: rests on one side of a body differ by more than the noise of their means, by
-dust, by the camera at another place.  That scatter is estimated without any model: in the plane as the spread of most
-rests about the median of their side and a line along the surface, as of a camera that is turned; in space as what a
-turn of the body's axes, a slope of the table and the place leave of it.  Slides scatter about their median, taken
-against the motion.  Neighbouring trials share some of it where the camera was moved between sessions.  The variance is
-then that of batch means, times their size: n rests tell their mean as well as n independent ones do.
+A rest of many samples is one measurement: rests on one side of a body differ by more than the noise of their means,
+through dust or the camera's view of another place.  This scatter is estimated without a model: in the plane as the
+spread of most rests about the median of their side and a line along the surface (a turned camera); in space as the
+residual from a turn of the body's axes, a slope of the table and the position.  Decelerations of slides scatter about
+their median.  Neighbouring trials share scatter if the camera was moved between sessions.  The variance is then that of
+batch means times the batch size: n rests determine their mean as well as n independent rests would.
 Source: batch means with √n rests a batch: Flegal and Jones 2010, doi:10.1214/09-AOS735.
 """
 
@@ -29,23 +29,23 @@ from thesis_lib.mechanics.space import SPACE, rotation_matrix
 from thesis_lib.mechanics.state import State
 from thesis_lib.statistics.spread import quantile_std, robust_std
 
-NEAR = 0.1  # of the body's extent: gap of a body that lies, by wrong size or height of the surface
-LEANS = 0.3  # rad from an angle at which it lies; a frame turned further against the body is found by impacts
-HIGHEST = 1.2  # of the extent: the centre of a solid on the surface is lower; what a hand holds may be higher
-MOST = 0.8  # share of rests whose size tells the scatter; the others may lie on something
-FEWEST = 8  # rests or slides that show their scatter
+NEAR = 0.1  # of the body's extent: gap of a lying body, for a wrong size or height of the surface
+LEANS = 0.3  # rad from an angle at which it lies; larger turns of its frame are found from impacts
+HIGHEST = 1.2  # of the extent: the centre of a solid on the surface is lower; a body held by hand may be higher
+MOST = 0.8  # share of rests that determine the scatter; the others may lie on something
+FEWEST = 8  # rests or slides, to estimate their scatter
 LONG = 12  # samples of a slide
 WITHIN = 3.0  # sigmas of height and angle about their mean, over a whole slide
 STEADY = 4.0  # the same of height and turns in space
-MOVES = 10.0  # sigmas of the place from end to end
+MOVES = 10.0  # sigmas between the positions at both ends
 # of the speed: rates of height, of two leans and of the turn about the normal, times the extent
 SHARES = np.array([0.1, 0.1, 0.1, 0.3])
 
 
 @dataclass(frozen=True)
 class Supported:
-    """m stretches on the surface: states, the variance (m, c) of what is compared of them, and of slides what is
-    measured: acceleration along the surface in m/s² (m, 1), in space (m, 2) and how long they last in s."""
+    """m rests or slides: states, the variance (m, c) of the quantities to be compared, and, for slides, as `measured`:
+    acceleration along the surface in m/s² (m, 1), or in space (m, 2) and then their duration in s."""
 
     state: State
     variance: np.ndarray
@@ -53,7 +53,7 @@ class Supported:
 
 
 def find_rests(samples: Samples, hits: Hits, header: Header, sigma: np.ndarray) -> Supported | None:
-    """A rest a trial at most, the first after its last hit; None of too few.  `sigma` (3,): noise in m, m, rad."""
+    """At most one rest per trial, the first after its last hit; None if too few.  `sigma` (3,): noise in m, m, rad."""
     first, last = _first_rests(samples, resting(samples, sigma, (0, 1, 2)), hits)
     q, count = _means(samples, first, last)
     near = _near(header, q)
@@ -75,7 +75,7 @@ def find_rests(samples: Samples, hits: Hits, header: Header, sigma: np.ndarray) 
 
 
 def find_slides(samples: Samples, hits: Hits, header: Header, sigma: np.ndarray) -> Supported | None:
-    """All slides of at least `LONG` samples, by parabolas through x; None of too few."""
+    """All slides of at least `LONG` samples, by parabolas through x; None if there are too few."""
     moving = resting(samples, sigma, (1, 2)) & ~resting(samples, sigma, (0, 1, 2))
     found = _slides(samples, moving, hits, sigma, 1, WITHIN)
     if found is None:
@@ -92,12 +92,12 @@ def find_slides(samples: Samples, hits: Hits, header: Header, sigma: np.ndarray)
 def resting_and_sliding(
     states: State, samples: Samples, hits: Hits, symmetry: Symmetry, noise: tuple[float, float]
 ) -> tuple[Supported | None, Supported | None]:
-    """The rests and slides of a body in space, None of either if there are too few.
+    """The rests and the slides of a body in space, each None if there are too few.
 
     Args:
         states: poses (N,) of the believed body as measured, in the axes of the surface, by trial and time.
-        samples: the same samples; their runs count.
-        hits: all that were found, at times as in `states`.
+        samples: the same samples, with their runs.
+        hits: all detected hits, at times as in `states`.
         symmetry: of the believed body.
         noise: one sigma of a coordinate in m and of a component of a small turn in rad.
     """
@@ -108,7 +108,7 @@ def resting_and_sliding(
     still = resting(samples, sigma, range(6))
     moving = resting(samples, sigma, (2, 3, 4), drifts=True) & ~still
     first, end = _first_rests(samples, still, hits)
-    # a body that has come to rest may still hop, by less than noise shows in single samples: the latter half counts
+    # a body at rest may still hop by less than the noise of single samples: only the latter half is used
     rests = _rests_in_space(states, samples, end - (end - first) // 2, end, symmetry, sigma)
     found = _slides(samples, moving, hits, sigma, 2, STEADY, symmetry.solid.extent)
     if found is None:
@@ -139,7 +139,7 @@ def _rests_in_space(
     of_side = 1.0 * (side[:, None] == np.unique(side))
     gap = standing.height + symmetry.solid.lowest(standing.attitude)[2]
     gap = _left(gap[:, None], np.concatenate([of_side, state.position[:2].T], axis=1))
-    # turns by axes of the body differ by side, those by a slope do not
+    # turns due to axes of the body differ by side, turns due to a slope do not
     axes = np.einsum("mk,cjm->cmkj", of_side, rotation_matrix(state.attitude)[:2]).reshape(2 * len(low), -1)
     level = np.repeat(np.eye(2), len(low), axis=0)
     slant = _left(turn[:2].reshape(-1, 1), np.concatenate([axes, level], axis=1)).reshape(2, -1).T
@@ -160,9 +160,9 @@ def _left(values: np.ndarray, columns: np.ndarray) -> np.ndarray:
 
 
 def _scatter(left: np.ndarray, parameters: int) -> np.ndarray:
-    """Variance (c,) of rests about what `parameters` fitted to each component leave (m, c), in order of the trials.
+    """Variance (c,) of rests from residuals (m, c), in order of the trials, after `parameters` fitted per component.
 
-    Neighbouring rests that err together count as fewer.
+    Neighbouring rests with common errors count as fewer.
     """
     size = int(np.sqrt(len(left)))
     freedom = len(left) / max(len(left) - parameters, 1)
@@ -185,7 +185,7 @@ class _Slides:
     noise: np.ndarray
 
     def variance(self, rows: np.ndarray) -> np.ndarray:
-        """Variance (m, 1) of the accelerations of those in the mask `rows`, with their scatter against the motion."""
+        """Variance (m, 1) of the accelerations of the slides in the mask `rows`, with the scatter of decelerations."""
         v, noise = self.velocity[rows], self.noise[rows]
         against = -np.einsum("mc,mc->m", self.acceleration[rows], v / np.linalg.norm(v, axis=1, keepdims=True))
         beyond = max(float(robust_std(against - np.median(against)) ** 2 - np.median(noise)), 0.0)
@@ -202,10 +202,10 @@ def _slides(
     extent: float | None = None,
 ) -> _Slides | None:
     """Slides in the mask `moving` (N,), in which the first `c` components of q change, and the others stay within
-    `steady` sigmas, in space (where the body's `extent` is given) of a line; None of too few."""
+    `steady` sigmas, in space (where the body's `extent` is given) of a line; None if too few."""
     found = []
     for a, b in zip(*stretches(samples, moving)):
-        if extent is not None:  # of one that ends at rest the last part says nothing
+        if extent is not None:  # the last part of a slide that ends at rest is not used
             far = np.linalg.norm(samples.q[a : b + 1, :c] - samples.q[b, :c], axis=1) > MOVES * sigma[0]
             b = a + int(np.flatnonzero(far)[-1]) if far.any() else a
         t, q, here = samples.t[a : b + 1], samples.q[a : b + 1], samples.trial[a : a + 1]

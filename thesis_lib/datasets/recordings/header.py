@@ -1,16 +1,16 @@
 """recording.yaml as typed, checked data (recording format, schema 1).
 
-A recording is a folder with recording.yaml, which describes the believed mechanism, and states.csv, a row per sample:
+A recording is a folder with recording.yaml, which describes the assumed mechanism, and states.csv, a row per sample:
 
     arm     trial,t,q_1,q_2,x,y,theta,dq_1,dq_2,vx,vy,omega,u_1,u_2        u only if the arm is driven
     wheel   trial,t,x,y,theta,vx,vy,omega
 
 q_1 is the angle of link 1 against the horizontal, q_2 of link 2 against link 1; x, y, theta are the pose of the disk or
 of the wheel's hub.  The wheel's x points down its slope and y away from it.  The torques u act from the time of their
-row until the next; those of a trial's last row are not used.
+row until the next row; the torques in the last row of a trial are not used.
 
-`sampling` says how the numbers came about.  Encoders count, and velocities are computed from positions: such velocities
-hold nothing that positions do not.  Each device has a clock, and writes what was a few milliseconds ago.
+`sampling` states how the numbers were obtained.  Encoders give positions only; velocities computed from these contain
+no further information.  Each device has its own clock, and the values that it writes are a few milliseconds old.
 """
 
 from typing import Annotated, ClassVar, Literal
@@ -39,7 +39,7 @@ class Arm(Section):
     disk_radius: Positive = Field(description="m")
     disk_mass: Positive = Field(description="kg")
     disk_inertia: Positive = Field(description="kg m², about the centre, which is the centre of mass")
-    driven: bool = Field(True, description="whether states.csv holds the torques u_1 and u_2 in N m")
+    driven: bool = Field(True, description="whether states.csv contains the torques u_1 and u_2 in N m")
 
     @property
     def torques(self) -> tuple[str, ...]:
@@ -48,7 +48,7 @@ class Arm(Section):
 
 
 class Wheel(Section):
-    """A rimless wheel on a slope; its centre of mass is believed to be the hub."""
+    """A rimless wheel on a slope; its centre of mass is assumed to be the hub."""
 
     coordinates: ClassVar[tuple[str, ...]] = ("x", "y", "theta")  # columns of q in m and rad
     velocities: ClassVar[tuple[str, ...]] = ("vx", "vy", "omega")  # columns of v in m/s and rad/s
@@ -60,7 +60,7 @@ class Wheel(Section):
     mass: Positive = Field(description="kg")
     inertia: Positive = Field(description="kg m², about the hub")
     slope: float = Field(ge=0, lt=1.5, description="rad, of the ground, downhill along +x")
-    payload_radius: Finite = Field(0.0, ge=0, description="m along spoke 0, where a payload would be")
+    payload_radius: Finite = Field(0.0, ge=0, description="m along spoke 0, position of a possible payload")
 
 
 class StateNoise(Section):
@@ -71,12 +71,12 @@ class StateNoise(Section):
     velocity: Positive = Field(description="m/s, each vx and vy")
     angular_velocity: Positive = Field(description="rad/s, each omega, dq_1 and dq_2")
     joint_angle: Positive | None = Field(
-        None, description="rad, q_1 and q_2; default: angle; of an encoder, a count over √12"
+        None, description="rad, q_1 and q_2; default: angle; for an encoder, one count over √12"
     )
 
 
 class Sampling(Section):
-    """How samples and torques came about."""
+    """How samples and torques were obtained."""
 
     velocities: Literal["measured", "derived", "time_stepping"] = Field(
         "measured",
@@ -84,12 +84,9 @@ class Sampling(Section):
         "filtered or not, and not used; time_stepping: a simulation with v_{k+1} = v_k + h v̇(q_k, v_k)",
     )
     jitter: float = Field(0.0, ge=0, description="s, one sigma of the time of a sample")
-    delay: float = Field(0.0, ge=0, description="s, how far the clocks of torques, joints and disk may be apart")
+    delay: float = Field(0.0, ge=0, description="s, largest offset between the clocks of torques, joints and disk")
     torque_ripple: float = Field(
-        0.0,
-        ge=0,
-        lt=1,
-        description="share of a torque, one sigma, by which it may err as a function of its joint's angle",
+        0.0, ge=0, lt=1, description="share of a torque, one sigma of its error that depends on the angle of its joint"
     )
     torque_offset: float = Field(0.0, ge=0, description="N m, one sigma of a torque's constant error")
 
@@ -100,7 +97,7 @@ class RecordingHeader(Section):
     schema_: Literal[1] = Field(alias="schema", description="version of this format")
     description: str = ""
     mechanism: Annotated[Arm | Wheel, Field(discriminator="kind")] = Field(
-        description="what is believed of it: geometry, masses and inertias"
+        description="its assumed geometry, masses and inertias"
     )
     gravity: Positive = Field(9.81, description="m/s²")
     rate: Positive = Field(description="Hz, of the samples; the same throughout")

@@ -1,4 +1,4 @@
-"""A recording in memory, how it is written, and its summary in words (format: `header`)."""
+"""A recording in memory, with functions to read, write and summarise it (format: `header`)."""
 
 import hashlib
 import json
@@ -20,7 +20,7 @@ from thesis_lib.foundation.files import write_table, write_text
 from thesis_lib.foundation.mistakes import Mistake
 
 HEADER_FILE, STATES = "recording.yaml", "states"
-STEP_TOLERANCE = 0.02  # of a time step: beyond it velocities and the equations of a step disagree
+STEP_TOLERANCE = 0.02  # of a time step: larger deviations contradict the equations of a step
 ANGLES = ("theta", "q_1", "q_2")
 
 
@@ -28,7 +28,7 @@ ANGLES = ("theta", "q_1", "q_2")
 class Recording:
     """Measured motion of a mechanism: `states` has the columns `header.columns`, in SI units and radians.
 
-    `name` is that of the folder, used in the names of results; `warnings` hold what is suspicious but not wrong.
+    `name` is the name of the folder, used in the names of results; `warnings` list what is suspicious but not wrong.
     """
 
     name: str
@@ -42,7 +42,7 @@ class Recording:
         return np.unique(self.states["trial"].to_numpy())
 
     def digest(self) -> str:
-        """SHA-256 (hex) of the content, whatever its folder, file type or description; seeds derive from it."""
+        """SHA-256 (hex) of the content without folder, file type and description; seeds derive from it."""
         content = self.header.model_dump(mode="json", by_alias=True, exclude={"description"})
         sha = hashlib.sha256(json.dumps(content, sort_keys=True).encode())
         for column in self.header.columns:
@@ -52,20 +52,20 @@ class Recording:
 
 
 def is_recording(folder: str | Path) -> bool:
-    """Whether a folder holds the recording of a mechanism rather than a dataset of drops."""
+    """Whether a folder contains the recording of a mechanism rather than a dataset of drops."""
     return (Path(folder) / HEADER_FILE).exists()
 
 
 def write_recording(recording: Recording, folder: str | Path) -> Path:
-    """Write recording.yaml and states.csv into `folder`, which is made if needed, and return it.
+    """Write recording.yaml and states.csv into `folder`, which is created if needed, and return it.
 
-    recording.yaml comes last, so that a killed run leaves no recording without its states.  UserError if `folder`
-    holds a states.parquet, which would be read beside states.csv.
+    recording.yaml is written last: an interrupted run leaves no recording without states.  UserError if `folder`
+    contains a states.parquet, which would be read beside states.csv.
     """
     folder = Path(folder)
     if (stale := folder / f"{STATES}.parquet").exists():
         raise UserError(
-            f"{stale} is in the way: it would be read as part of the recording. Delete it, or choose another folder."
+            f"{stale} exists and would be read as part of the recording. Delete it, or choose another folder."
         )
     (folder / HEADER_FILE).unlink(missing_ok=True)
     write_table(recording.states[list(recording.header.columns)], folder / f"{STATES}.csv")
@@ -92,7 +92,7 @@ def recording_facts(recording: Recording) -> dict:
 
 
 def recording_text(recording: Recording) -> str:
-    """The same as text."""
+    """Summary of a recording as text."""
     facts, noise = recording_facts(recording), recording.header.noise
     believed = {k: v for k, v in facts["mechanism"].items() if k != "kind"}
     low, high = facts["samples_per_trial"]
@@ -109,13 +109,13 @@ def recording_text(recording: Recording) -> str:
 
 
 def read_recording(path: str | Path) -> Recording:
-    """The recording in `path`, with angles continuous within each trial; DatasetError lists everything wrong in it."""
+    """The recording in `path`, with angles continuous within each trial; a DatasetError lists all errors in it."""
     return read_checked(path, f"{HEADER_FILE} and {STATES}.csv", _read)
 
 
 def _read(folder: Path, name: str, report: ValidationReport) -> Recording | None:
     if (folder / "dataset.yaml").exists():
-        what = "stands beside dataset.yaml, so it is unclear what the folder holds"
+        what = "stands beside dataset.yaml, so it is unclear which of the two the folder holds"
         report.error(HEADER_FILE, "", what, "keep drops and recordings in folders of their own")
     raw, lines = mapping_in(folder, HEADER_FILE, report)
     header = None if raw is None else validated(raw, lines, HEADER_FILE, RecordingHeader, report, _remedy)
@@ -126,7 +126,7 @@ def _read(folder: Path, name: str, report: ValidationReport) -> Recording | None
         if not report.errors:
             report.error(f"{STATES}.csv", "", "the file is missing", f"write {','.join(header.columns)}")
         return None
-    # a last row that may have been cut off holds a wrong number, which is an error in a recording
+    # a last row that may have been cut off may hold a wrong number, which is an error in a recording
     report.errors += report.warnings
     report.warnings.clear()
     check_trajectories(table, None)
@@ -148,7 +148,7 @@ def _remedy(mistake: Mistake) -> str:
 
 
 def _check_steps(table: UsableRows, rate: float) -> None:
-    """Samples of a trial must follow at the stated rate: the equations of motion are summed over the steps."""
+    """Report samples of a trial that are not at the stated rate: the equations of motion are summed over the steps."""
     trial, t = table.data["trial"].to_numpy(), table.data["t"].to_numpy(float)
     step = np.diff(t, prepend=t[0])
     off = np.abs(step * rate - 1.0) > STEP_TOLERANCE

@@ -1,1 +1,1 @@
-"""Samples of a recording put right before impacts are sought: arrival stamps, copied pictures, rests, pieces."""
+"""Corrections of recorded samples before impacts are detected: arrival stamps, copied pictures, rests, pieces."""

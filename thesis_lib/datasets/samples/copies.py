@@ -1,12 +1,12 @@
-"""Pictures that repeat the one before: video converted to a higher rate, recorders of screens, trackers that hold.
+"""Repeated pictures, as in video converted to a higher rate, screen recordings, or trackers that hold the last pose.
 
-Of a body that moves, two pictures in a row are never equal in all digits.  Where they are, the second is a copy of the
-first, and its pose is wrong by what the body moved since.  Copies are left out, as lost frames are.
+Two consecutive pictures of a moving body are never equal in all digits.  If they are, the second is a copy of the
+first, and its pose is wrong by the motion since.  Copies are left out, like lost frames.
 
-A body at rest repeats itself, and so does a slow one whose pose has few digits.  A copy is therefore believed only
-where the body moves by `STEPS` digits both before and after it, at most `LONGEST` times in a row.  And there must be
-enough of them, a share `SHARE` of the pictures between motions that no noise makes: coarse digits repeat by chance at
-the turning point of a bounce.
+The pose of a body at rest repeats, and so does that of a slow body if it has few digits.  A copy is therefore accepted
+only if the body moves by `STEPS` digits both before and after it, at most `LONGEST` times in a row.  Copies must also
+be frequent, a share `SHARE` of the pictures in motions clearly above the noise: coarse digits repeat by chance at the
+turning point of a bounce.
 """
 
 import numpy as np
@@ -21,18 +21,18 @@ FEWEST = 5
 
 
 def without_copies(samples: Samples) -> tuple[Samples, str]:
-    """The samples without copies, and a sentence that says so; the same samples and "" where there are none."""
+    """The samples without copies, and a message on the copies; the same samples and "" if there are none."""
     keep, said = originals(samples)
     return (samples.select(keep) if said else samples), said
 
 
 def originals(samples: Samples) -> tuple[np.ndarray, str]:
-    """Mask (N,) of the samples that are no copies, and a sentence that says so; all and "" where there are none."""
+    """Mask (N,) of the samples that are not copies, and a message on the copies; all and "" if there are none."""
     n = len(samples)
     if n < 3:
         return np.ones(n, bool), ""
     q = samples.q
-    # the least difference between two values that occur; a constant column never moves by any
+    # the least difference between two values of a column; a constant column never moves
     digit = np.array([np.diff(np.unique(column)).min(initial=np.inf) for column in q.T])
     same_trial = samples.trial[1:] == samples.trial[:-1]
     equal = same_trial & (q[1:] == q[:-1]).all(axis=1)
@@ -57,7 +57,7 @@ def originals(samples: Samples) -> tuple[np.ndarray, str]:
     keep[1:] = ~(equal & np.repeat(moving, length + 1)[1:])
     rate, share = 1.0 / float(np.median(np.diff(samples.t)[same_trial])), copies / pictures
     return keep, (
-        f"{100.0 * share:.2g} % of the pictures of the moving body ({copies} of {pictures}) repeat the one before, "
+        f"{100.0 * share:.2g} % of the pictures of the moving body ({copies} of {pictures}) repeat the previous one, "
         f"digit for digit, as in video converted to a higher rate ({rate:.3g} pictures a second made of "
         f"{rate * (1.0 - share):.3g}): the copies are left out as lost frames. Export the pictures as they were taken."
     )

@@ -1,12 +1,12 @@
-"""A long recording on a table, cut into pieces that take the place of trials.
+"""A long recording on a table is cut into pieces that replace the trials.
 
-Splits and bootstraps go by trial, and a camera that ran for minutes makes one trial of hundreds of hits.  It is cut in
-the longest flight, or rest, after every few usable hits: no impact is lost, and the two arcs of one flight seldom
+Splits and bootstraps are by trial, but a camera that runs for minutes gives one trial with hundreds of hits.  It is cut
+in the longest flight, or rest, after every few usable hits: no impact is lost, and the two arcs of one flight seldom
 belong to different pieces.
 
 Without gravity a body that is left alone stays where it is, often for most of a recording.  Samples rest where `ROWS`
-of them in a row stay within the noise of their mean.  They make runs of their own, so that no arc, and no estimate of
-the noise along a flight, reaches into a rest.
+of them in a row stay within the noise of their mean.  They form separate runs, so that no arc, and no estimate of the
+noise along a flight, extends into a rest.
 """
 
 from collections.abc import Sequence
@@ -17,19 +17,19 @@ import numpy as np
 from thesis_lib.datasets.format.samples import Samples
 from thesis_lib.datasets.format.validate import first_of
 
-HITS = 4  # usable hits of a piece, at least
-ENOUGH = 20  # trials that need no cutting
+HITS = 4  # fewest usable hits of a piece
+ENOUGH = 20  # trials; with so many, none is cut
 NAMED = 5  # recordings whose pieces are named
 ROWS = 9
-GLITCHES = 2  # samples in a row
+GLITCHES = 2  # wrong samples in a row that do not end a rest
 _WITHIN = 3.0  # sigmas from the mean; at rest most windows stay within, and each sample is in nine of them
 
 
 @dataclass(frozen=True)
 class Pieces:
-    """Numbers for the parts of trials `trial` (p,) that begin at times `start` (p,) in s, both ascending.
+    """Pieces of the trials `trial` (p,) that begin at times `start` (p,) in s, both ascending.
 
-    Unless `cut`, they are the numbers of the trials.
+    They are numbered from 0; without `cut`, they are the trials and keep their numbers.
     """
 
     trial: np.ndarray
@@ -46,15 +46,15 @@ class Pieces:
         return number
 
     def text(self) -> str:
-        """Sentence on what was cut; "" if nothing was."""
+        """Message on the recordings that were cut; "" if there are none."""
         if not self.cut:
             return ""
         whole, first, count = np.unique(self.trial, return_index=True, return_counts=True)
         long = np.flatnonzero(count > 1)
         named = [f"trial {whole[i]} into the pieces {first[i]} to {first[i] + count[i] - 1}" for i in long]
         return (
-            f"Long recordings were cut between hits into pieces of {HITS} usable hits or more. They stand for trials "
-            f"from here on, and all are numbered anew: {first_of(named, NAMED)}."
+            f"Long recordings were cut between hits into pieces of {HITS} usable hits or more. The pieces replace the "
+            f"trials from here on, and all are numbered anew: {first_of(named, NAMED)}."
         )
 
 
@@ -72,7 +72,7 @@ def cut_into_pieces(samples: Samples, at: np.ndarray, used: np.ndarray) -> Piece
 
 
 def _cuts(at: np.ndarray, used: np.ndarray) -> Sequence[int]:
-    """Samples at which pieces of one recording begin, the first one left out."""
+    """Samples at which the pieces of one recording begin, without the first piece."""
     passed, cuts, begun = np.cumsum(used), [], 0
     total = int(passed[-1]) if len(passed) else 0
     while total - begun >= 2 * HITS:
@@ -113,7 +113,7 @@ def resting(
     still = (off < _WITHIN * sigma[used]).all(axis=1) & (samples.run[rows[:, 0]] == samples.run[rows[:, -1]])
     for lag in range(ROWS):
         rests[lag : lag + len(still)] |= still
-    # a tracking glitch or two end no rest
+    # one or two wrong samples do not end a rest
     for lost in range(GLITCHES, 0, -1):
         rests[1:-lost] |= rests[: -lost - 1] & rests[lost + 1 :]
     return rests

@@ -1,18 +1,18 @@
-"""Time stamps of arrival: a row arrives late by the computer's delay, while a clock took the pictures.
+"""Time stamps of arrival: rows are stamped late by the delay of the computer, while a clock triggered the pictures.
 
-A camera takes picture k at t_0 + P k.  A log that stamps what arrives writes
+A camera takes picture k at t_0 + P k.  A log that stamps rows on arrival contains
 
     t_k = t_0 + P k + δ_k,     δ_k ≥ 0: milliseconds of cable, driver, scheduler; or digits that were cut off
 
-and a body at 2 m/s is then 4 mm off its path with δ = 2 ms, along x, y and θ at once.  No effect of a body does that,
-and no noise that is independent of the speed.  What tells stamps of arrival from pictures that were really taken at
-these times is the flight: the body flies smoothly over the one set of times only.  Windows of `WINDOW` rows in which
-the body is fast are fitted by parabolas over both.  Where those over picture numbers leave far smaller squares, the
+and a body at 2 m/s is then 4 mm off its path with δ = 2 ms, along x, y and θ at once.  No physical effect does that,
+nor does noise that is independent of the speed.  Flights distinguish stamps of arrival from pictures that were really
+taken at these times: the motion is smooth over only one of the two sets of times.  Windows of `WINDOW` rows in which
+the body is fast are fitted by parabolas over both.  If the fits over picture numbers leave far smaller squares, the
 times are t_0 + P k.  A delay that is the same in all rows changes no result.
 
-A lost picture sets the rows behind it back by P for good.  Lateness never falls below its least value again, so the
-least of the next `AHEAD` rows counts the lost ones.  The first row behind the gap, which may as well have come late
-before it, is left out.
+A lost picture delays all later rows by P.  Their lateness never falls below its least value again, so the minimum over
+the next `AHEAD` rows counts the lost pictures.  The first row after the gap, which may also be a late row from before
+the gap, is left out.
 
 | on paper | in code   | unit | shape |                                            |
 |----------|-----------|------|-------|--------------------------------------------|
@@ -28,22 +28,22 @@ from thesis_lib.datasets.format.samples import ArcSettings, Samples, make_sample
 from thesis_lib.statistics.spread import robust_std
 
 IRREGULAR = 1e-4  # s; steps that are off a multiple of the period by less move no body by more than its noise
-MANY = 0.9  # quantile of the steps that must stay below, for stamps of a clock
+MANY = 0.9  # quantile of the steps that must stay below, for regular stamps
 AHEAD = 12  # rows; with delays of half a period on average, all of them are late in one case of 10^5
 WINDOW, STRIDE = 8, 4  # rows of a parabola, and from one to the next: most windows hold no impact
-FAST = 2.0 / 3.0  # quantile of the speed from which windows are looked at: at rest all times are the same
-FEW = 20  # windows that say nothing
-STRAIGHTER = 1.5  # ratio of the medians of squares from which the times are those of arrival
+FAST = 2.0 / 3.0  # quantile of the speed from which windows are used: at rest all times fit equally
+FEW = 20  # fewest windows for a decision
+STRAIGHTER = 1.5  # ratio of the median squares from which the times are those of arrival
 SPAN = 16  # steps from which the period is guessed where no rate is stated
-FEW_TRIALS = 5  # whose median period and spread say something
-WHOLE = 0.9  # periods by which a row must be late to stand behind a lost picture
-SURELY = 4.0  # standard errors by which the period must be off the stated one to be taken instead
+FEW_TRIALS = 5  # fewest trials for a median period and its spread
+WHOLE = 0.9  # periods by which a row must be late to lie after a lost picture
+SURELY = 4.0  # standard errors by which the fitted period must differ from the stated one to replace it
 
 
 def exposure_times(samples: Samples, header: Header, settings: ArcSettings) -> tuple[Samples, str]:
-    """The samples at the times at which their pictures were taken, and a sentence that says so.
+    """The samples with the exposure times of their pictures, and a message on the change.
 
-    The samples themselves and "" where stamps are regular, or where flights are as smooth over them.
+    The samples unchanged and "" if stamps are regular, or if flights are as smooth over them.
     """
     found = times_of_pictures(samples, header.rate)
     if found is None:
@@ -55,9 +55,9 @@ def exposure_times(samples: Samples, header: Header, settings: ArcSettings) -> t
 def times_of_pictures(
     samples: Samples, rate: float | None, lengths: int = 2
 ) -> tuple[np.ndarray, np.ndarray, str] | None:
-    """Which samples (N,) have a picture that is sure, the times in s of these, and a sentence that says so.
+    """Mask (N,) of the samples with a certain picture number, their exposure times in s, and a message.
 
-    The first `lengths` columns of q are in m.  None where stamps are regular, or where flights are as smooth over them.
+    The first `lengths` columns of q are in m.  None if stamps are regular, or if flights are as smooth over them.
     """
     if (clock := _clock_behind(samples, rate)) is None:
         return None
@@ -77,16 +77,16 @@ def times_of_pictures(
     beside = f"; {left_out} rows beside lost pictures are left out" if left_out else ""
     said = (
         f"The time stamps are those of arrival, not of exposure: half of the rows are more than {middle:.2g} ms later "
-        f"than the camera's clock of {1.0 / period:.6g} Hz, one in twenty more than {most:.2g} ms. Over the "
-        f"numbers of the pictures the flights have {times} smaller squares, so times are taken from these"
-        f"{beside}. Log the time of exposure, or the picture's number over the rate."
+        f"than the camera's clock of {1.0 / period:.6g} Hz, one in twenty more than {most:.2g} ms. With times from "
+        f"the picture numbers the squared residuals of the flights are {times} smaller, so these times are used"
+        f"{beside}. Log the time of exposure, or the picture number over the rate."
     )
     return sure, t, said
 
 
 def _clock_behind(samples: Samples, rate: float | None) -> tuple[np.ndarray, np.ndarray, float] | None:
-    """Of irregular stamps the lateness of each row (N,) in s, whether its picture's number is sure (N,), and the period
-    of the clock in s; None where stamps are regular, or too few."""
+    """Lateness (N,) in s of the rows, mask (N,) of the rows with a certain picture number, and period of the clock in
+    s; None if stamps are regular, or too few."""
     same = samples.trial[1:] == samples.trial[:-1]
     step = np.diff(samples.t)[same]
     if len(step) < FEW:
@@ -109,7 +109,7 @@ def _clock_behind(samples: Samples, rate: float | None) -> tuple[np.ndarray, np.
 def _period_of_pictures(t: np.ndarray, picture: np.ndarray, number: np.ndarray, n: np.ndarray) -> tuple[float, float]:
     """Period in s and its standard error: the median of lines through each trial, `number` (N,) with n rows.
 
-    A median, because the pictures of a trial that lost some near its end are miscounted.
+    The median is used because pictures are miscounted in a trial that lost some near its end.
     """
     k, of_t = (a - (np.bincount(number, a) / n)[number] for a in (picture.astype(float), t))
     across = np.bincount(number, k * k)
@@ -128,7 +128,7 @@ def _period(samples: Samples) -> float:
 
 
 def _pictures(samples: Samples, period: float) -> tuple[np.ndarray, np.ndarray]:
-    """Numbers (N,) of the pictures in their trials, and whether they are sure (N,)."""
+    """Picture number (N,) of each row in its trial, and the mask (N,) of the certain ones."""
     picture, sure = np.zeros(len(samples), int), np.ones(len(samples), bool)
     for rows in np.split(np.arange(len(samples)), np.flatnonzero(np.diff(samples.trial)) + 1):
         n = len(rows)
@@ -136,10 +136,10 @@ def _pictures(samples: Samples, period: float) -> tuple[np.ndarray, np.ndarray]:
         padded = np.r_[lag, np.full(AHEAD - 1, np.inf)]
         least = np.lib.stride_tricks.sliding_window_view(padded, AHEAD).min(axis=1)
         lost = np.round((least - least[0]) / period).astype(int)
-        lost[max(n - AHEAD, 0) :] = lost[max(n - AHEAD, 0)]  # too few rows follow to tell late from lost
+        lost[max(n - AHEAD, 0) :] = lost[max(n - AHEAD, 0)]  # too few rows follow to distinguish late from lost
         lost = np.maximum.accumulate(np.maximum(lost, 0))
         for behind in np.flatnonzero(np.diff(lost)) + 1:
-            # no row comes before its picture: such rows stand before the gap, and came late
+            # no row comes before its picture: such rows belong before the gap, and came late
             before, i = lost[behind - 1], behind
             while i < n - 1 and lag[i] - least[0] < period * (before + WHOLE):
                 lost[i] = before
@@ -150,7 +150,7 @@ def _pictures(samples: Samples, period: float) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _roughness(samples: Samples, t: np.ndarray, lengths: int) -> tuple[np.ndarray, np.ndarray]:
-    """Of windows of rows speed (w,) in m/s, and squares (w,) beyond a parabola, those of x, y, θ in units of each."""
+    """Speed (w,) in m/s in windows of rows, and squared residuals (w,) of parabolas, with x, y, θ scaled by spread."""
     start = np.arange(0, max(len(samples) - WINDOW + 1, 0), STRIDE)
     start = start[samples.trial[start] == samples.trial[start + WINDOW - 1]]
     rows = start[:, None] + np.arange(WINDOW)

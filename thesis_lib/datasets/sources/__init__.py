@@ -1,1 +1,1 @@
-"""Where datasets come from: a rig's own logs, and the published sets."""
+"""Sources of datasets: a rig's own logs, and published datasets."""

@@ -1,17 +1,17 @@
-"""Tosses in the axes of their throws: each turned about the normal of the surface, to be thrown along t_1.
+"""Tosses in the axes of their throws: each is turned about the normal of the surface so that it is thrown along t_1.
 
-    x ← R_n(−α) x,   R ← R_n(−α) R,      α: direction along the surface in which a toss begins to fly
+    x ← R_n(−α) x,   R ← R_n(−α) R,      α: initial direction of flight along the surface
 
-Some recordings were turned about the vertical toss by toss before they were published.  An upright, level world looks
-the same from all sides; a lens, a skew of the axes or a slope of the table does not, but in such a recording each toss
-has it in another direction, and no effect with fixed axes describes it.  If all were thrown from one side, the axes of
-the throws bring it back: mean level acceleration of first flights then shows in them, and not in those of the
-recording.
+Some recordings were turned about the vertical before publication, each toss by another angle.  An upright, level set-up
+looks the same from all sides.  The effects of a lens, of skew axes or of a sloping table do not: in such a recording
+they have another direction in each toss, and no effect with fixed axes describes them.  If all tosses were thrown from
+one side, the axes of the throws restore the direction: a mean horizontal acceleration in the first flights then shows
+in these axes, but not in the axes of the recording.
 
 | on paper | in code   | unit  | shape  |                                                    |
 |----------|-----------|-------|--------|----------------------------------------------------|
 | α        | `heading` | rad   | (n,)   | by a parabola through the first flight             |
-| a        | `level`   | m/s²  | (n, 2) | acceleration along t_1 and t_2, by the same one    |
+| a        | `level`   | m/s²  | (n, 2) | acceleration along t_1 and t_2, by the same fit    |
 """
 
 from dataclasses import dataclass, replace
@@ -33,15 +33,15 @@ from thesis_lib.mechanics.space import multiplied, of_rotation_vector, rotated
 FEWEST = 8  # samples of a first flight
 SLOW = 0.1  # m/s along the surface, below which a toss has no direction
 MOST_WITHOUT = 0.1  # share of tosses without a direction, above which bodies were dropped, not thrown
-TOSSES = 20  # that say whether the axes of the throws are others than those of the recording
-SURELY, CLEARLY = 6.0, 2.0  # standard errors of the mean drift aside of throws, and times that of the recording
-SPREAD = 0.7  # length of the mean direction; where throws go one way both axes are the same
+TOSSES = 20  # fewest for a comparison of the axes of the throws with the axes of the recording
+SURELY, CLEARLY = 6.0, 2.0  # mean sideways drift in standard errors, and over the mean drift in the recording
+SPREAD = 0.7  # length of the mean direction; beyond it throws are parallel, and both axes agree
 ADDED = "each toss was turned about the normal of the surface, to be thrown along its t_1"
 
 
 @dataclass(frozen=True)
 class Headings:
-    """First flights of n tosses."""
+    """Direction and horizontal acceleration of the first flights of n tosses."""
 
     trial: np.ndarray
     heading: np.ndarray
@@ -49,14 +49,14 @@ class Headings:
 
     @property
     def along(self) -> np.ndarray:
-        """Level accelerations (n, 2) in m/s² along each throw and to the left of it."""
+        """Horizontal accelerations (n, 2) in m/s² along each throw and to the left of it."""
         cos, sin = np.cos(self.heading), np.sin(self.heading)
         a, b = self.level.T
         return np.stack([cos * a + sin * b, cos * b - sin * a], axis=1)
 
 
 def throws_of(table: pd.DataFrame, header: SpaceHeader) -> Headings:
-    """The throws in whole rows of trajectories.csv, by trial and time, of bodies over one surface; toss by toss."""
+    """Headings of the tosses over one surface, from the complete rows of trajectories.csv, sorted by trial and time."""
     frame, size = _surface(header), float(np.linalg.norm(header.gravity))
     whole = table.dropna(subset=list(POSITION))
     if len(whole) < FEWEST:
@@ -77,7 +77,7 @@ def throws_of(table: pd.DataFrame, header: SpaceHeader) -> Headings:
 
 
 def along_throws(dataset: Dataset) -> Dataset:
-    """The dataset with each toss turned about the normal of the surface, to be thrown along t_1.
+    """The dataset with each toss turned about the normal of the surface so that it is thrown along t_1.
 
     Tosses without a direction are left out.
 
@@ -85,7 +85,7 @@ def along_throws(dataset: Dataset) -> Dataset:
         UserError: there are no trajectories in space, or too many tosses do not begin with a flight along the surface.
     """
     if dataset.space.is_plane or dataset.trajectories is None:
-        raise UserError(f"{dataset.name} has no trajectories in space (schema 2), whose tosses could be turned.")
+        raise UserError(f"{dataset.name} has no trajectories in space (schema 2) that could be turned.")
     header, table = dataset.in_space, dataset.trajectories
     throws = throws_of(table, header)
     n = table["trial"].nunique()
@@ -109,7 +109,7 @@ def along_throws(dataset: Dataset) -> Dataset:
 
 
 def hidden_drift(dataset: Dataset) -> str:
-    """A sentence if flights drift along the surface in directions that follow their throws; else ""."""
+    """Sentence on flights that drift along the surface in directions that follow their throws; else ""."""
     header, table = dataset.in_space, dataset.trajectories
     if table is None or header.surfaces is not None or not np.any(header.gravity):
         return ""
@@ -117,7 +117,7 @@ def hidden_drift(dataset: Dataset) -> str:
     if len(throws.trial) < TOSSES or np.abs(np.exp(1j * throws.heading).mean()) > SPREAD:
         return ""
     mean, error = throws.along.mean(axis=0), throws.along.std(axis=0) / np.sqrt(len(throws.trial))
-    aside = abs(mean[1])  # what is along the throw may be drag
+    aside = abs(mean[1])  # an acceleration along the throw may be drag
     if aside < SURELY * error[1] or aside < CLEARLY * np.linalg.norm(throws.level.mean(axis=0)):
         return ""
     return (
@@ -130,5 +130,5 @@ def hidden_drift(dataset: Dataset) -> str:
 
 def _surface(header: SpaceHeader) -> Frame:
     if header.surfaces is not None:
-        raise UserError("A dataset with several `surfaces` has no one axis about which its tosses could be turned.")
+        raise UserError("A dataset with several `surfaces` has no single axis about which its tosses could be turned.")
     return surface_frames(header)[0]

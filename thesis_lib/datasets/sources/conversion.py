@@ -1,6 +1,6 @@
-"""An import: the motion in space that is to become a dataset, and the dataset with what was changed, left out or wrong.
+"""Import of a recording: the recorded motion in space, and the resulting dataset with notes and warnings.
 
-`Conversion.notes` lists everything that was changed or left out, `Conversion.warnings` what may be wrong with a log.
+`Conversion.notes` lists everything that was changed or left out, `Conversion.warnings` possible faults of a log.
 """
 
 from collections.abc import Sequence
@@ -23,20 +23,20 @@ from thesis_lib.datasets.space.motion import Motion
 from thesis_lib.datasets.space.tracked_frame import TrackedFrame
 from thesis_lib.foundation.errors import UserError
 
-MOST_OUT = 0.05  # share of the energy out of the plane from which on a trial is left out
-PART = 100  # samples within which a clock of arrival wanders by less than it jitters
-FRAMES, SMOOTHED = 5, 0.7  # frames whose parabola, in a flight, has this share of gravity at least
-STRAIGHT = 0.99  # share of a direction along an axis, from which on it is that axis
+MOST_OUT = 0.05  # trials with a larger share of their energy out of the plane are left out
+PART = 100  # samples within which arrival times drift by less than they jitter
+FRAMES, SMOOTHED = 5, 0.7  # a parabola through so many frames of a flight shows at least this share of gravity
+STRAIGHT = 0.99  # a direction with a larger component along an axis is taken as that axis
 _OPTIONS = {"size": "homogeneous", "body": "shape"}  # keys of dataset.yaml whose option has another name
 
 
 @dataclass(frozen=True, eq=False)
 class View:
-    """How a motion in space is looked at.
+    """Settings for the interpretation of a motion in space.
 
-    `up` (3,) is against gravity, `normal` (3,) that of the plane (None: found from the motion), `frame` the body's
-    place in its tracked frame: x, y (m) of the centre of mass, and by how much (rad) the shape is turned against that
-    frame. `cut`: recordings are cut into drops; else each is one trial, or each trial that it names.
+    `up` (3,) points against gravity; `normal` (3,) is normal to the plane of motion (None: found from the motion).
+    `frame` locates the body in its tracked frame: x, y (m) of the centre of mass, and the angle (rad) of the shape.
+    `cut`: whether recordings are cut into drops; otherwise each recording, or each trial that it names, is one trial.
     """
 
     up: np.ndarray
@@ -44,15 +44,15 @@ class View:
     frame: tuple[float, float, float] = (0.0, 0.0, 0.0)
     cut: bool = True
     left_handed: bool = False
-    up_is_given: bool = True  # else `up` is that of most such recordings
-    tracked: bool = True  # the tracked frame of a shape in space is looked for; else it is that of the shape
+    up_is_given: bool = True  # otherwise `up` is the usual axis of the file format
+    tracked: bool = True  # estimate the tracked frame of a shape in space; otherwise it is the frame of the shape
 
 
 @dataclass(frozen=True, eq=False)
 class Recorded:
-    """The seen samples of one body, `piece` (n,) the recording or the trial of each, and what is said of them.
+    """The samples in which one body was seen, and the information for their conversion.
 
-    `name` is that of the dataset; `notes` grow by what is changed or left out.
+    `piece` (n,) is the recording or trial of each sample, `name` the name of the dataset; `notes` collects all changes.
     """
 
     motion: Motion
@@ -64,12 +64,10 @@ class Recorded:
     notes: list[str]
 
     def no_flight(self) -> str:
-        """Advice where nothing falls as it should."""
+        """Advice for a recording without a free flight in the expected direction."""
         motion, gravity = self.motion, self.rig.g
         if slow := too_slow(1.0 / long_period(motion.t, self.piece)):
-            return (
-                f"no free flight is found along the axis that is up. {slow} Record at 100 Hz or more.{self._smoothed()}"
-            )
+            return f"no free flight is found along the upward axis. {slow} Record at 100 Hz or more.{self._smoothed()}"
         if found := falling(motion.t, motion.position, gravity):
             unit, down, number = found
             axis = int(np.abs(down).argmax())
@@ -77,14 +75,14 @@ class Recorded:
             if abs(down[axis]) > STRAIGHT:
                 direction = ("-" if down[axis] > 0.0 else "") + "xyz"[axis]
             options = f"--up {direction}" + (f" and --units {unit}" if unit else "")
-            return f"nothing falls along the axis said to be up; there are {number} free flights with {options}."
+            return f"nothing falls along the axis given as up; there are {number} free flights with {options}."
         return (
-            f"no free flight is in it: nowhere does the body accelerate by {gravity:g} m/s² along an axis. Check "
-            "the units of length and time; on an inclined plane give --plane, and its own --gravity if that differs."
+            f"it contains no free flight: the body never accelerates by {gravity:g} m/s² along an axis. Check "
+            "the units of length and time; for an inclined plane give --plane, and --gravity if that differs."
         )
 
     def _smoothed(self) -> str:
-        """What it means where no recording falls over `FRAMES` frames as a free body does; "" elsewhere."""
+        """Sentence for recordings in which no body falls freely over `FRAMES` frames; "" for all others."""
         most = []
         for piece in np.unique(self.piece):
             t, position = self.motion.t[self.piece == piece], self.motion.position[self.piece == piece]
@@ -93,21 +91,21 @@ class Recorded:
                 a = 2.0 * np.array([np.polyfit(t[part] - t[part.start], position[part], 2)[0] for part in windows])
                 rise = a @ self.view.up
                 across = np.linalg.norm(a - rise[:, None] * self.view.up, axis=1)
-                most.append(max(-rise.min(), across.max()))  # across, too, where another axis is up
+                most.append(max(-rise.min(), across.max()))  # also across, in case another axis is up
         fastest = float(np.median(most)) if most else self.rig.g
         if fastest > SMOOTHED * self.rig.g:
             return ""
         return (
             f" Over {FRAMES} frames the body falls with {fastest:.1f} m/s² at most (median of {len(most)} recordings), "
-            f"and not with {self.rig.g:g}: the positions were smoothed, or it was not let go."
+            f"instead of {self.rig.g:g}: the positions were smoothed, or the body was not released."
         )
 
     def no_drop(self, drops: Sequence[Drop], height: np.ndarray) -> str:
-        """Advice where no drop can be used; `height` (n,) in m is that of the body's lowest point."""
+        """Advice if no drop can be used; `height` (n,) in m is the height of the body's lowest point."""
         if all(drop.left_out == SPATIAL for drop in drops):
             return (
                 f"all {len(drops)} trials have more than {MOST_OUT:.0%} of their energy out of the plane: the "
-                "motion is one in space, or rotations are not read as they were written (order, handedness, "
+                "motion is not planar, or the rotations are read in the wrong convention (order, handedness, "
                 "sequence of angles)."
             )
         ends = [height[drop.flights[-1].stop - 1] for drop in drops if drop.flights]
@@ -120,7 +118,7 @@ class Recorded:
 
 
 def long_period(t: np.ndarray, piece: np.ndarray) -> float:
-    """Median step in s over ever more rows: of a period that is nearly known, the steps between two rows are, too."""
+    """Median sampling period in s, refined over longer and longer spans of rows, each counted in the last estimate."""
     period = 0.0
     for span in 2 ** np.arange(2, 16):
         step = (t[span:] - t[:-span])[piece[span:] == piece[:-span]]
@@ -133,7 +131,7 @@ def long_period(t: np.ndarray, piece: np.ndarray) -> float:
 
 @dataclass
 class Conversion:
-    """A converted log; `notes` and `warnings` are sentences, `cuts` what became of a motion in space."""
+    """A converted log; `notes` and `warnings` are sentences, `cuts` the drops found in a motion in space."""
 
     dataset: Dataset
     notes: list[str] = field(default_factory=list)
@@ -144,15 +142,15 @@ class Conversion:
 def as_dataset(
     poses: pd.DataFrame, name: str, files: Sequence[str | Path], rig: RigOptions, notes: list[str]
 ) -> Dataset:
-    """The dataset of whole poses (`TRAJECTORY_COLUMNS`, SI) from `files`; adds to `notes`.  A disk may lack theta.
+    """The dataset of complete poses (`TRAJECTORY_COLUMNS`, SI) from `files`; adds to `notes`.
 
-    UserError if a value of the experiment is impossible, or another shape has no theta.
+    UserError if a value of the experiment is impossible, or theta is missing for a shape other than a disk.
     """
     has_angle = "theta" in poses
     if not has_angle:
         needs_no_angle(rig.shape, str(files[0]))
         notes.append(
-            "theta is not measured: trajectories.csv has none, and the spin of the body stays unknown. The radius of "
+            "theta is not measured: trajectories.csv lacks it, and the spin of the body stays unknown. The radius of "
             f"gyration of a solid ball would be {0.4**0.5 * rig.shape.extent:.5g} m (--k-g)"
         )
     poses = poses.assign(**({} if has_angle else {"theta": 0.0}))[list(TRAJECTORY_COLUMNS)]
@@ -167,9 +165,9 @@ def as_dataset(
     if rig.size_uncertainty is not None:
         body |= {"homogeneous": True, "uncertainty": {"size": rig.size_uncertainty}}
     elif rig.k_g is None:
-        notes.append(f"radius of gyration {lamina:.5g} m, that of a uniform lamina (--k-g to change)")
+        notes.append(f"radius of gyration {lamina:.5g} m, as of a uniform lamina (--k-g to change)")
     if rig.walls and rig.gravity is None:
-        notes.append("gravity 0, as of a motion seen from above (--gravity 9.81 for walls that are seen from the side)")
+        notes.append("gravity 0, as for a motion seen from above (--gravity 9.81 for walls seen from the side)")
     content = {
         "schema": 1,
         "description": _description(files),
@@ -182,10 +180,10 @@ def as_dataset(
 
 
 def solid_dataset(recorded: Recorded, up: np.ndarray, found: TrackedFrame | None = None) -> Dataset:
-    """The dataset of a body in space, without its tables; `up` (3,) is against gravity.
+    """The dataset of a body in space, without its tables; `up` (3,) points against gravity.
 
-    Tracked frame and surface are as `found`, but for a surface whose height is given; else the tracked frame is that
-    of the shape, and the surface at the height given, or at 0.
+    Tracked frame and surface are taken from `found`, except for a surface of given height.  Without `found`, the
+    tracked frame is the frame of the shape, and the surface is at the given height, or at 0.
 
     UserError if a value of the experiment is impossible, or a mesh is not closed.
     """
@@ -199,7 +197,7 @@ def solid_dataset(recorded: Recorded, up: np.ndarray, found: TrackedFrame | None
     point, normal = (rig.surface_height or 0.0) * up, up
     if found is not None and rig.surface_height is None:
         point, normal = found.point, found.normal
-    # of many steps together, as stamps of a long recording may have few digits
+    # over many steps, because the time stamps of a long recording may have few digits
     rate = float(f"{1.0 / long_period(motion.t, recorded.piece):.6g}") if len(motion) > 1 else None
     content = {
         "schema": 2,
@@ -218,7 +216,7 @@ def _description(files: Sequence[str | Path]) -> str:
 
 
 def _validated(model: type[Model], content: dict) -> Model:
-    """The header with this content; UserError names the option whose value is impossible."""
+    """The header with this content; a UserError names the option whose value is impossible."""
     try:
         return model.model_validate(content)
     except ValidationError as error:

@@ -1,4 +1,4 @@
-"""Fetch a published measured set, from the network or from a local copy, and convert it.
+"""Fetch a published dataset, from the network or from a local copy, and convert it.
 
 Nothing from the network is trusted.  Downloads are bounded in size.  Only expected files of an archive are read, and
 none is unpacked to a path that the archive chooses.  No byte is parsed before its SHA-256 matches.
@@ -26,7 +26,7 @@ from thesis_lib.foundation.regular_file import regular_size
 
 RAW_HOST = "https://raw.githubusercontent.com"
 ARCHIVE_HOST = "https://codeload.github.com"
-TIMEOUT = 60.0  # s without a byte
+TIMEOUT = 60.0  # s without receiving a byte
 MAX_DOWNLOAD = 1_000_000_000  # bytes; the archive of the dice repository also holds its meshes and videos
 MAX_MEMBER = 1_000_000  # bytes; a dice file has 24 kB
 CHUNK = 1 << 20
@@ -43,9 +43,9 @@ def fetch(
 ) -> Path:
     """Get the published set `name` ('planar-impact', 'planar-dice', …) and convert it into the folder `<to>/<name>`.
 
-    `source_dir` is a local copy to use instead of the network, or its parent folder; `say` is called with lines about
-    the progress, `note` with what a copy lacks and may lack.  UserError: no network, a wrong file, or an unsafe
-    archive; nothing is written then.
+    `source_dir` is a local copy to use instead of the network, or its parent folder; `say` is called with lines on
+    the progress, `note` with a line on optional files that a copy lacks.  UserError, with nothing written: no network,
+    a wrong file, or an unsafe archive.
     """
     name = published_name(name)
     out_dir = Path(to) / name
@@ -70,7 +70,7 @@ def fetch(
             reason = getattr(error, "reason", None) or error
             raise UserError(
                 f"{name.replace('_', '-')} could not be downloaded ({reason}). Check the network, or get the files on "
-                f"another machine and run: python -m thesis_lib datasets fetch {name.replace('_', '-')} --from DIR"
+                f"another machine and run: thesis-lib datasets fetch {name.replace('_', '-')} --from DIR"
             ) from error
         say(f"checking and converting {len(files)} files")
         return convert_files(name, files, out_dir, note)
@@ -100,7 +100,7 @@ def download(url: str, path: Path, say: Say = lambda text: None, limit: int = MA
 def unpack(archive: Path, source: PublishedSet, files: dict[str, Path]) -> None:
     """Copy the expected members `<any one folder>/<source.inside>/<file>` of a zip file to `files`.
 
-    UserError if it is not a zip file, or if a member is missing, too large, or leads out of it by its name.
+    UserError if it is not a zip file, or if a member is missing, too large, or has a name that leads out of the folder.
     """
     regular_size(archive, MAX_DOWNLOAD)
     try:
@@ -109,12 +109,12 @@ def unpack(archive: Path, source: PublishedSet, files: dict[str, Path]) -> None:
             for info in zipped.infolist():
                 path = PurePosixPath(info.filename)
                 if path.is_absolute() or ".." in path.parts or re.search(r"[\\:\x00]", info.filename):
-                    raise UserError(f"The archive holds the unsafe name {info.filename!r}; it was not unpacked.")
+                    raise UserError(f"The archive contains the unsafe name {info.filename!r}; it was not unpacked.")
                 _, _, inside = str(path).partition("/")
                 file = inside.removeprefix(f"{source.inside}/")
                 if file != inside and file in files:
                     if info.file_size > MAX_MEMBER:
-                        raise UserError(f"{path.name} in the archive claims {info.file_size:,} bytes; not unpacked.")
+                        raise UserError(f"{path.name} in the archive states {info.file_size:,} bytes; not unpacked.")
                     members[file] = info
             if missing := sorted(set(files) - set(members)):
                 raise UserError(
@@ -122,12 +122,12 @@ def unpack(archive: Path, source: PublishedSet, files: dict[str, Path]) -> None:
                 )
             for name, info in members.items():
                 with zipped.open(info) as member:
-                    content = member.read(MAX_MEMBER + 1)  # the claimed size may be a lie
+                    content = member.read(MAX_MEMBER + 1)  # the stated size may be wrong
                 if len(content) > MAX_MEMBER:
                     raise UserError(f"{name} in the archive is larger than {MAX_MEMBER:,} bytes; not unpacked.")
                 files[name].parent.mkdir(parents=True, exist_ok=True)
                 files[name].write_bytes(content)
     except UserError:
         raise
-    except Exception as error:  # the library raises errors of many kinds
+    except Exception as error:  # the library raises exceptions of many kinds
         raise UserError(f"The downloaded archive is damaged ({error}); fetch it again.") from error

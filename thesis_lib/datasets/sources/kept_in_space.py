@@ -1,4 +1,4 @@
-"""A motion that stays in space: gravity, table and tracked frame as the motion says them, and the tosses in it."""
+"""Conversion of a motion in space without projection: gravity, table, tracked frame and tosses from the motion."""
 
 from dataclasses import replace
 
@@ -18,16 +18,16 @@ from thesis_lib.foundation.errors import UserError
 from thesis_lib.mechanics.space import SPACE, rotation_matrix
 from thesis_lib.mechanics.state import State
 
-LEVEL = 2e-3  # rad between the axis that is up and the fall, within which they are one
-OFTEN = 0.25  # of the trials: fewer flights do not say where up is
-OFF_TABLE = 2e-3  # m between the table as given and as hits and rests have it, from which on it is said
+LEVEL = 2e-3  # rad between the upward axis and the fall, up to which they count as parallel
+OFTEN = 0.25  # of the trials: fewer flights do not determine the upward direction
+OFF_TABLE = 2e-3  # m; larger differences between the given and the estimated height of the table are reported
 
 
 def keep_in_space(recorded: Recorded) -> Conversion:
-    """The dataset of the motion as it is; rows without an orientation say where the body is, and nothing else.
+    """The dataset of the motion in space; rows without an orientation give only the position of the body.
 
     Raises:
-        UserError: no free flight is found, rotations fit far better if they are read otherwise, or no drop is left.
+        UserError: no free flight is found, rotations fit far better in another reading, or no drop is left.
     """
     everything, turned = recorded, np.flatnonzero(recorded.motion.seen)
     recorded = replace(recorded, motion=recorded.motion.part(turned), piece=recorded.piece[turned])
@@ -53,7 +53,7 @@ def keep_in_space(recorded: Recorded) -> Conversion:
         up = -falls
         flights = find_flights(track, size * falls)
         shown = ", ".join(f"{value:.3f}" for value in up + 0.0)
-        notes.append(f"up is ({shown}) in the axes of the recording, against the fall in {len(flights)} free flights")
+        notes.append(f"up is ({shown}) in the axes of the recording, opposite the fall in {len(flights)} free flights")
     if not flights:
         raise UserError(recorded.no_flight())
     dataset = solid_dataset(recorded, up, found)
@@ -64,7 +64,7 @@ def keep_in_space(recorded: Recorded) -> Conversion:
         if abs(off) > OFF_TABLE:
             notes.append(
                 f"the surface is at {rig.surface_height:g} m along up, as given; by hits and rests the table is "
-                f"{1e3 * abs(off):.3g} mm {'lower' if off > 0.0 else 'higher'} (without --surface-height that is taken)"
+                f"{1e3 * abs(off):.3g} mm {'lower' if off > 0.0 else 'higher'} (leave --surface-height out to use this)"
             )
     mounted = rotation_matrix(header.tracked.attitude)
     tensor = mounted.T @ body.inertia_per_mass @ mounted
@@ -94,7 +94,7 @@ def keep_in_space(recorded: Recorded) -> Conversion:
 
 
 def _rows(drop: Drop, turned: np.ndarray, piece: np.ndarray, cut: bool) -> np.ndarray:
-    """Numbers of all samples of a drop, of which those that are `turned` have been counted."""
+    """Indices of all samples of a drop, whose limits count only the samples with an orientation, `turned`."""
     if not cut:
         return np.flatnonzero(piece == piece[turned[drop.start]])
     return np.arange(turned[drop.start], turned[drop.stop - 1] + 1)
@@ -102,18 +102,18 @@ def _rows(drop: Drop, turned: np.ndarray, piece: np.ndarray, cut: bool) -> np.nd
 
 def _misread(motion: Motion, what: str, other: str) -> UserError:
     return UserError(
-        f"{motion.source}: read as stated, {what}. It does with {other}. Find out how the log was written, and say so."
+        f"{motion.source}: read as stated, {what}. It does with {other}. Find out how the log was written; state it."
     )
 
 
 def _tracked_frame(recorded: Recorded, body: SolidBody) -> TrackedFrame | None:
-    """The pose of the tracked frame and the table, as the motion says them; None, with a note, where it does not."""
+    """The tracked frame and the table as estimated from the motion; None, with a note, if that is not possible."""
     motion, notes = recorded.motion, recorded.notes
     try:
         q = motion.quaternion[:, [3, 0, 1, 2]] if motion.oriented else None
         found = find_tracked_frame(recorded.piece, motion.t, motion.position, q, body, recorded.rig.g)
     except UserError as error:
-        notes.append(f"the tracked frame is taken to be that of the shape, as it could not be found: {error}")
+        notes.append(f"the tracked frame is assumed to be the frame of the shape, as it could not be found: {error}")
         return None
     notes.append(found.text)
     notes.extend(f"tracked frame, open: {left}" for left in found.open)

@@ -1,11 +1,11 @@
-"""Where a dataset named in the configuration is, and which files it consists of.
+"""Location and files of a dataset that is named in the configuration.
 
 | origin      | what it is                                           | folder that the pipeline reads         |
 |-------------|------------------------------------------------------|----------------------------------------|
 | simulated   | made by the pipeline                                 | data/simulated/<name>                  |
 | folder      | a user's dataset, or a published set that was fetched | <searched folder>/<name>              |
 | published   | a published set as its authors' files                | results/datasets/<name>, converted     |
-| absent      | a published set that is not there: it is left out    |                                        |
+| absent      | a published set that is not found: it is left out    |                                        |
 """
 
 from collections.abc import Sequence
@@ -23,14 +23,14 @@ SIMULATED = ("drops",)
 
 @dataclass(frozen=True)
 class Located:
-    """A dataset of the pipeline."""
+    """Location and files of one dataset of the pipeline."""
 
     name: str
     origin: Literal["simulated", "folder", "published", "absent"]  # see the table above
     folder: str = ""  # in our format, relative to the working directory; '' if absent
     source: str = ""  # folder with the published files, for origin "published"
-    files: tuple[str, ...] = ()  # inputs of a rule that reads the dataset
-    has_trajectories: bool = False  # whether impacts are found in trajectories rather than read
+    files: tuple[str, ...] = ()  # inputs of a workflow rule that reads the dataset
+    has_trajectories: bool = False  # whether impacts are detected in trajectories rather than read
 
     @property
     def present(self) -> bool:
@@ -44,7 +44,7 @@ class Located:
 
 
 def locate(name: str, search: Sequence[str | Path]) -> Located:
-    """Find a simulated or published set, or a folder in one of `search`, by name; UserError if there is none."""
+    """Find a simulated set, a published set or a folder in one of `search` by its name; UserError if there is none."""
     if name in SIMULATED:
         folder = f"data/simulated/{name}"
         return Located(name, "simulated", folder, "", (f"{folder}/dataset.yaml", f"{folder}/trajectories.csv"), True)
@@ -62,7 +62,7 @@ def locate(name: str, search: Sequence[str | Path]) -> Located:
         return Located(name, "absent")
     places, known = ", ".join(f"{base}/{name}" for base in search), ", ".join((*SOURCES, *SIMULATED))
     raise UserError(
-        f"There is no dataset {name!r}: no dataset.yaml in {places}. Known by name are {known}; a dataset of your own "
-        "is a folder in one of those that are searched (measured: in the configuration; python -m thesis_lib datasets "
-        "init makes one from a log file)."
+        f"There is no dataset {name!r}: no dataset.yaml in {places}. Available by name: {known}. A dataset of your "
+        "own is a folder in a searched directory (measured: in the configuration; thesis-lib datasets init "
+        "creates one from a log file)."
     )

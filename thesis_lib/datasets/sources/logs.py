@@ -1,4 +1,4 @@
-"""Any log of a rig as a dataset: which form its files have, which reader takes them, how the motion is looked at."""
+"""Conversion of any log of a rig into a dataset: the form of its files, their reader, and the use of the options."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -23,19 +23,19 @@ from thesis_lib.foundation.errors import UserError
 from thesis_lib.foundation.regular_file import is_file
 
 TABLE, BAG, C3D, TENSORS = "a table", "a bag of ROS", "a C3D file", "a file of tensors"
-EXPORTS = {  # form of a text -> how a file begins, how it is read
+EXPORTS = {  # form of a text file -> pattern of its beginning, reader
     "an export of Motive": (motive.BEGINS, motive.read_motive),
     "an export of Vicon": (vicon.BEGINS, vicon.read_vicon),
     "an export of Qualisys": (qualisys.BEGINS, qualisys.read_qualisys),
     "an older export of OptiTrack": (motive.BEGINS_OLDER, motive.read_optitrack),
 }
 Y_UP = ("an export of Motive", "an older export of OptiTrack")  # in all others z is up
-# options that other forms have no use for
+# options that apply to one kind of log only
 ONLY_TABLES = ("columns", "quaternion", "rate", "delimiter", "decimal", "units", "scale", "origin")
-FARTHEST = 10.0  # m from a tracked frame to the centre of mass; more is in mm
+FARTHEST = 10.0  # m from a tracked frame to the centre of mass; larger values are in mm
 ONLY_SPACE = ("left_handed", "rotation", "up", "plane")
 ONLY_PLANE = ("origin", "wall")
-OF_TENSORS = ("columns", "quaternion", "rate", "units", "scale")  # of `ONLY_TABLES`
+OF_TENSORS = ("columns", "quaternion", "rate", "units", "scale")  # those of `ONLY_TABLES` that apply to tensors, too
 
 
 def convert(
@@ -45,7 +45,7 @@ def convert(
     reading: Reading,
     say: Callable[[str], None] = lambda text: None,
 ) -> Conversion:
-    """The dataset in logs of one form; UserError where they cannot be read, or an option does not fit their form.
+    """The dataset of logs of one form; UserError if they cannot be read, or an option does not apply to their form.
 
     `say` receives a line for each step.
     """
@@ -62,7 +62,7 @@ def convert(
     notes: list[str] = []
     warnings: list[str] = []
     if reading.tracked and not rig.in_space:
-        raise UserError("--tracked is for shapes of space; of a planar one, say with --frame how it is tracked.")
+        raise UserError("--tracked is for shapes in space; for a planar shape, give the tracked frame with --frame.")
     if rig.in_space:
         _check_solid(paths[0], in_space, rig, reading)
     if not in_space and not reading.cut:
@@ -93,7 +93,7 @@ def convert(
 
 
 def form_of(path: Path) -> str:
-    """Which form a log has: by its ending or, of a text, its first line."""
+    """The form of a log, from the ending of its name or, for a text file, from its first line."""
     if bags.is_bag(path):
         return BAG
     if tensors.holds_tensors(path):
@@ -112,9 +112,9 @@ def form_of(path: Path) -> str:
 
 
 def _holds_points(path: Path, options: Reading) -> bool:
-    """Whether a table has positions x, y, z, and neither an angle nor a quaternion: a ball that was tracked.
+    """Whether a table has positions x, y, z but neither an angle nor a quaternion, as for a tracked ball.
 
-    UserError if it has columns of a quaternion, which has to be asked for.
+    UserError if it has the columns of a quaternion, which --quaternion must declare.
     """
     if "z" in options.columns or "theta" in options.columns:
         return not {"theta", "q1", "q2", "q3", "q4"} & set(options.columns)
@@ -124,20 +124,20 @@ def _holds_points(path: Path, options: Reading) -> bool:
         return False
     if all(map(log.has, ("qx", "qy", "qz", "qw"))):
         raise UserError(
-            f"{path} has columns qx, qy, qz, qw: say with --quaternion xyzw that they are a quaternion, or with "
-            "--columns theta=NAME which column is the angle of a motion in a plane."
+            f"{path} has columns qx, qy, qz, qw: give --quaternion xyzw if they are a quaternion, or --columns "
+            "theta=NAME for the column with the angle of a planar motion."
         )
     return True
 
 
 def _check_options(path: Path, form: str, in_space: bool, rig: RigOptions, reading: Reading) -> None:
-    """UserError for an option that has no meaning for this form of a log."""
+    """UserError for an option that does not apply to this form of log."""
     given = {"wall"} if rig.walls else set()
     given |= {name for name in (*ONLY_TABLES, *ONLY_SPACE) if getattr(reading, name)}
     if form != TABLE and (
         useless := [name for name in ONLY_TABLES if name in given and not (form == TENSORS and name in OF_TENSORS)]
     ):
-        raise UserError(f"--{useless[0]} is for tables; {path} is {form}, which says so itself.")
+        raise UserError(f"--{useless[0]} is for tables; {path} is {form}, which contains this information.")
     if not in_space and (useless := [name for name in ONLY_SPACE if name in given]):
         option = useless[0].replace("_", "-")
         forms = "an export of motion capture, a bag, a table with --quaternion or with columns x, y, z and no angle"
@@ -153,19 +153,19 @@ def _check_options(path: Path, form: str, in_space: bool, rig: RigOptions, readi
 
 
 def _check_solid(path: Path, in_space: bool, rig: RigOptions, reading: Reading) -> None:
-    """UserError for what a shape in space cannot have."""
+    """UserError for options that do not apply to a shape in space."""
     if not in_space:
         raise UserError(f"--shape: a {rig.shape.kind} is a body in space, but {path} is a planar table.")
     given = {"plane": reading.plane, "frame": reading.frame, "k-g": rig.k_g}
     if useless := [name for name, value in given.items() if value is not None]:
         raise UserError(
-            f"--{useless[0]} is for planar shapes; of a {rig.shape.kind} in space, edit dataset.yaml after conversion: "
-            "inertia, tracked and surface stand there."
+            f"--{useless[0]} is for planar shapes; for a {rig.shape.kind} in space, edit dataset.yaml after conversion "
+            "(inertia, tracked and surface)."
         )
 
 
 def _view(form: str, reading: Reading, frame: tuple[float, float, float], named: bool) -> View:
-    """How the motion is looked at; `named`: the recordings say which sample belongs to which trial."""
+    """Settings for the interpretation of the motion; `named`: the recordings state the trial of each sample."""
     return View(
         up=parse_direction(reading.up or ("y" if form in Y_UP else "z"), "--up"),
         normal=parse_direction(reading.plane, "--plane") if reading.plane else None,
@@ -189,10 +189,10 @@ def _parse_frame(text: str) -> tuple[float, float, float]:
 def convert_motions(
     motions: Sequence[Motion], name: str, files: Sequence[str | Path], rig: RigOptions, view: View, notes: list[str]
 ) -> Conversion:
-    """A dataset of trajectories from the motions of one body, one of each recording; adds to `notes`.
+    """A dataset of trajectories from the motions of one body, one motion per recording; adds to `notes`.
 
-    The motion stays in space if the shape is one of space; else it is projected.  UserError if no free flight or no
-    plane is found, rotations fit far better if they are read otherwise, or no drop is left.
+    The motion of a shape in space stays in space; any other is projected into its plane.  UserError if no free flight
+    or no plane is found, rotations fit far better in another reading, or no drop is left.
     """
     samples = sum(map(len, motions))
     if not motions[0].oriented:
@@ -202,7 +202,7 @@ def convert_motions(
         notes.append(f"{samples - len(motion)} of {samples} samples left out: the body was not seen")
     if unturned := int(np.sum(~motion.seen)):
         notes.append(
-            f"{unturned} of {samples} samples have a position and no orientation: they stay as rows without one"
+            f"{unturned} of {samples} samples have a position but no orientation: they are kept as rows without one"
         )
     motion, piece = _at_exposure(motion, piece, rig.rate, notes)
     try:
@@ -214,9 +214,9 @@ def convert_motions(
 
 
 def _at_exposure(motion: Motion, piece: np.ndarray, rate: float | None, notes: list[str]) -> tuple[Motion, np.ndarray]:
-    """The motion at the times of its pictures where stamps are those of arrival, as for the trials of a dataset.
+    """The motion at the times of exposure, if its stamps are times of arrival; as for the trials of a dataset.
 
-    A long recording is looked at in parts, for the lateness that is the same in all rows wanders.
+    A long recording is treated in parts, because the delay common to all rows drifts.
     """
     first = np.flatnonzero(np.r_[True, np.diff(piece) != 0])
     row = np.arange(len(piece)) - np.repeat(first, np.diff(np.r_[first, len(piece)]))
@@ -227,6 +227,6 @@ def _at_exposure(motion: Motion, piece: np.ndarray, rate: float | None, notes: l
         return motion, piece
     sure, t, said = found
     notes.append(said)
-    rises = t > np.maximum.accumulate(np.r_[-np.inf, t[:-1]])  # a part that has counted one too many runs into the next
+    rises = t > np.maximum.accumulate(np.r_[-np.inf, t[:-1]])  # a part that counts one frame too many overlaps the next
     rows = np.flatnonzero(sure)[rises]
     return replace(motion.part(rows), t=t[rises]), piece[rows]

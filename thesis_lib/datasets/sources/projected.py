@@ -1,4 +1,4 @@
-"""A motion in space projected into its plane: the reading of the rotations, the drops, the energy out of the plane."""
+"""Projection of a motion in space into its plane: reading of the rotations, drops, and energy out of the plane."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -21,8 +21,8 @@ def project(recorded: Recorded) -> Conversion:
     """The dataset of the motion in its plane.
 
     Raises:
-        UserError: no free flight or no plane is found, rotations fit far better if they are read otherwise, or no drop
-            is left.
+        UserError: no free flight or no plane is found, rotations fit far better in another reading, or no drop is
+            left.
     """
     motion, rig, view, notes, size = recorded.motion, recorded.rig, recorded.view, recorded.notes, recorded.rig.g
     given = None if view.normal is None else Plane.of(view.normal, view.up)
@@ -43,10 +43,10 @@ def project(recorded: Recorded) -> Conversion:
         angle = np.degrees(view.frame[2] + turned)
         notes.append(
             f"the impacts fit better if the shape is turned by {angle:.0f}° in its tracked frame (--frame "
-            f"0,0,{angle:.0f}), as where a rigid body was defined while it lay askew"
+            f"0,0,{angle:.0f}), as if the rigid body was defined while it lay askew"
         )
     if any(view.frame[:2]):
-        # flights are those of the centre of mass: look again, with it in the place of the tracked point
+        # only the centre of mass flies freely: repeat with it in place of the tracked point
         (x, y, _), cos, sin = view.frame, np.cos(q[:, 2]), np.sin(q[:, 2])
         shift = np.outer(cos * x - sin * y, plane.x) + np.outer(sin * x + cos * y, plane.y)
         moved, view = replace(motion, position=motion.position + shift), replace(view, frame=(0.0, 0.0, view.frame[2]))
@@ -79,7 +79,7 @@ def project(recorded: Recorded) -> Conversion:
 
 
 def _drops_text(drops: Sequence[Drop], impacts: pd.DataFrame, cut: bool) -> list[str]:
-    """Sentences on what was cut and left out, and on the energy out of the plane."""
+    """Sentences on the drops cut and left out, and on the energy out of the plane."""
     used = [drop for drop in drops if not drop.left_out]
     texts = [f"{len(drops)} drops cut out of the recording"] if cut else []
     worst = impacts[["energy_out_before", "energy_out_after"]].max(axis=1).groupby(impacts["trial"]).max()

@@ -1,6 +1,6 @@
-"""Published measured sets: where they are, their checksums, and the conversion of the two of Fazeli et al.
+"""Published measured datasets: their origins, their checksums, and the conversion of the two sets of Fazeli et al.
 
-| name               | origin (repository at commit)                      | what                                      |
+| name               | origin (repository at commit)                      | content                                   |
 |--------------------|----------------------------------------------------|-------------------------------------------|
 | `planar_impact`    | mcubelab/planar-impact-dataset, f24a7e3 (states:   | first impact of 1718 drops of an ellipse; |
 |                    | 31b1787), Nima-Fazeli/contact_models_and_data,     | all 2000 drops with quality flags         |
@@ -8,9 +8,9 @@
 | `planar_dice`      | Nima-Fazeli/residual-pybullet-public, 8f4f221      | 500 throws of a square at 250 Hz          |
 | `contactnets_cube` | DAIRLab/contact-nets, c3dc21c (BSD-3-Clause)       | 570 tosses of a cube in space at 148 Hz   |
 
-The first three repositories state no licence, so this project holds no copy of the data, only the SHA-256 of each file,
-and treats the fourth alike.  Values are converted as published: no sign is changed, no angle unwrapped, no y moved to
-touch the surface.  `thesis_lib/datasets/sources/published_tosses.py` converts the tosses.
+The first three repositories state no licence, so this project stores only the SHA-256 of each file, not the data; the
+fourth is treated in the same way.  Values are converted as published: no sign is changed, no angle unwrapped, and no y
+shifted to make the body touch the surface.  `thesis_lib/datasets/sources/published_tosses.py` converts the tosses.
 
 The two publications of the impacts differ: vy_post in all_drops.csv (2017-02) is 3 g/250 s = 0.11772 m/s lower than in
 impacts.csv (2017-11) for each of the 1718 drops in both; all other columns are equal to the last bit.  The stored
@@ -41,7 +41,7 @@ Say = Callable[[str], None]
 CHECKSUMS = Path(__file__).with_name("published_sha256.txt")
 LAWS = ("drumwright_shell", "anitescu_potra_poisson", "anitescu_potra_newton", "mirtich", "wang_mason", "whittaker")
 FLAGS = ("second_bounce", "energy", "coulomb", "max_compression", "dropped_early", "lost_data")
-MAX_BYTES = 100_000_000  # of a published file; the largest has 2 MB
+MAX_BYTES = 100_000_000  # limit for one published file; the largest has 2 MB
 DICE_RATE = 250.0  # Hz, as documented by the authors
 _STATES = "data_ellipse_2017-11-08_measured_y.mat"  # the later data_ellipse.mat holds a recomputed y
 _PROCESSED = "mcubelab/planar-impact-dataset/f24a7e3b31ad0b53652d6b2a6b26a702cc4362da/processed_data"
@@ -51,12 +51,12 @@ _PROCESSED = "mcubelab/planar-impact-dataset/f24a7e3b31ad0b53652d6b2a6b26a702cc4
 class PublishedSet:
     """Origin of a published set."""
 
-    folders: tuple[str, ...]  # names under which a local copy of the files may lie
+    folders: tuple[str, ...]  # possible names of the folder of a local copy
     raw: dict[str, str]  # our file name -> owner/repository/commit/path, for files fetched one by one
     archive: tuple[str, str] | None = None  # owner/repository and commit of an archive to fetch instead
     inside: str = ""  # folder in the archive that holds the files
-    needed: tuple[str, ...] = ()  # with any of the others these files are a valid copy; (): all of them are needed
-    dimensions: int = 2  # in which the body moves
+    needed: tuple[str, ...] = ()  # required files, the others being optional; (): all are required
+    dimensions: int = 2  # of the motion of the body
 
 
 SOURCES = {
@@ -90,58 +90,58 @@ SOURCES = {
 
 
 def published_name(name: str) -> str:
-    """'planar-impact' or 'planar_impact' -> 'planar_impact'; UserError if there is no such set."""
+    """Our spelling of the name of a set: 'planar-impact' -> 'planar_impact'; UserError if there is no such set."""
     plain = name.replace("-", "_")
     if plain not in SOURCES:
         known = ", ".join(known.replace("_", "-") for known in SOURCES)
-        raise UserError(f"There is no published dataset '{name}'; known are {known}.")
+        raise UserError(f"There is no published dataset '{name}'; available: {known}.")
     return plain
 
 
 def checksums(name: str) -> dict[str, str]:
-    """File name -> SHA-256 (hex) of every source file of a published set; names are paths below its folder."""
+    """SHA-256 (hex) of every source file of a published set, by file name, a path relative to the folder of the set."""
     lines = (line.split() for line in CHECKSUMS.read_text(encoding="ascii").splitlines())
     return {path.partition("/")[2]: digest for digest, path in lines if path.startswith(f"{name}/")}
 
 
 def find_source(name: str, base: str | Path) -> Path | None:
-    """The folder with the published files: `base` itself or a known folder in it; None if there is none."""
+    """The folder with the published files: `base` itself or a known subfolder; None if neither has them."""
     base, first = Path(base), next(iter((*SOURCES[name].needed, *checksums(name))))
     candidates = [base, *(base / folder for folder in SOURCES[name].folders)]
     return next((folder for folder in candidates if is_file(local_file(folder, first))), None)
 
 
 def local_file(folder: str | Path, file: str) -> Path:
-    """Where a published file lies in a local copy: in its folder as published or, if it is not there, without it."""
+    """Path of a published file in a local copy: in its published subfolder or, if not there, directly in `folder`."""
     as_published = Path(folder, file)
     return as_published if is_file(as_published) else Path(folder, as_published.name)
 
 
 def source_files(name: str, folder: str | Path) -> list[Path]:
-    """The files of a local copy that a conversion reads, whether or not those that are needed are there."""
+    """The files of a local copy that a conversion reads; required files are included even if they are missing."""
     needed = SOURCES[name].needed
     files = {file: local_file(folder, file) for file in checksums(name)}
     return [path for file, path in files.items() if not needed or file in needed or is_file(path)]
 
 
 def convert_published(name: str, source_dir: str | Path, out_dir: str | Path, note: Say = lambda text: None) -> Path:
-    """Convert the files in `source_dir` (or a known folder in it) into `out_dir`; UserError for any other file.
+    """Convert the files in `source_dir` (or a known subfolder) into `out_dir`; UserError unless they are as published.
 
-    `note` receives a line about files that a copy lacks and may lack.
+    `note` receives a line about optional files that the copy lacks.
     """
     name = published_name(name)
     folder = find_source(name, source_dir)
     if folder is None:
         first = (*SOURCES[name].needed, *checksums(name))[0]
         raise UserError(
-            f"{source_dir} does not hold the published set {name}: no {first} in it. "
+            f"{source_dir} does not contain the published set {name}: {first} is missing. "
             "Give the folder with the files as published."
         )
     return convert_files(name, {path: local_file(folder, path) for path in checksums(name)}, out_dir, note)
 
 
 def convert_files(name: str, files: dict[str, Path], out_dir: str | Path, note: Say = lambda text: None) -> Path:
-    """Check every SHA-256, then convert; `files` maps the names in the checksum list to paths."""
+    """Check the SHA-256 of every file, then convert; `files` maps the names in the list of checksums to paths."""
     content, missing, wrong, needed = {}, [], [], SOURCES[name].needed
     for file, digest in checksums(name).items():
         if not is_file(files[file]):
@@ -158,7 +158,7 @@ def convert_files(name: str, files: dict[str, Path], out_dir: str | Path, note: 
         if bad:
             raise UserError(
                 f"Files of {name} are {what}: {first_of(bad)}. Nothing was written. "
-                f"Get them again: python -m thesis_lib datasets fetch {name.replace('_', '-')}"
+                f"Get them again: thesis-lib datasets fetch {name.replace('_', '-')}"
             )
     if optional:
         note(published_tosses.absent_tosses(len(files) - len(needed), optional))
@@ -207,7 +207,7 @@ def _convert_impact(content: dict[str, bytes], out_dir: Path) -> Path:
 
 
 def _states(before: np.ndarray, after: np.ndarray, n: np.ndarray, d: np.ndarray) -> pd.DataFrame:
-    """Pose and velocity before, velocity after; contact point from J_n = (0, 1, r_x) and J_t = (1, 0, −r_y)."""
+    """Pose and velocity before, velocity after; contact point, from J_n = (0, 1, r_x) and J_t = (1, 0, −r_y)."""
     values = np.column_stack([before, after[:, 3:], n[:, 2], -d[:, 2]])
     return pd.DataFrame(values, columns=[*STATE, "r_x", "r_y"])
 
@@ -216,7 +216,7 @@ def _convert_dice(content: dict[str, bytes], out_dir: Path) -> Path:
     throws = sorted((int(file.removeprefix("traj_").removesuffix(".csv")), file) for file in content)
     tables = []
     for number, file in throws:
-        # the velocity columns vx, vz, vth are smeared across impacts and left out
+        # the velocity columns vx, vz, vth are smoothed across impacts and therefore left out
         log = pd.read_csv(io.BytesIO(content[file]))
         t = np.arange(len(log)) / DICE_RATE
         tables.append(pd.DataFrame({"trial": number, "t": t, "x": log["x"], "y": log["z"], "theta": log["th"]}))

@@ -1,19 +1,19 @@
-"""Published tosses of a box in space: a file of torch tensors for each, and the experiment as its authors state it.
+"""Published tosses of a box in space: a file of torch tensors for each, and the authors' data on the experiment.
 
-`experiment.json` counts lengths in a unit of its own and tells it by gravity, `g` of these units / s², which is
-9.81 m/s²: the unit is 9.81/g m.
+`experiment.json` gives lengths in a unit of its own, which is defined by gravity: `g` in this unit / s² is
+9.81 m/s², so the unit is 9.81/g m.
 
 | key        | unit    | becomes                                             |
 |------------|---------|-----------------------------------------------------|
 | `dt`       | s       | `rate`, and the times of samples                    |
-| `g`        | unit/s² | the unit of lengths                                 |
-| `vertices` | unit    | half extents of a box; its centre is that of mass   |
+| `g`        | unit/s² | the unit of length                                  |
+| `vertices` | unit    | half extents of a box about its centre of mass      |
 | `mass`     | kg      | mass                                                |
 | `inertia`  | kg unit²| inertia, the same about every axis                  |
-| `mu`, `restitution` |  | nothing; the description says them                 |
+| `mu`, `restitution` |  | nothing; the description quotes them               |
 
 A toss is a tensor (1, T, c) whose first columns are the position (3, unit) and the quaternion (w, x, y, z) of the body;
-z is up, and the table at z = 0.  The further columns, velocities made of these poses, are left out.
+z is up, and the table at z = 0.  The other columns, velocities computed from these poses, are left out.
 """
 
 import json
@@ -31,13 +31,13 @@ from thesis_lib.datasets.format.write import write_dataset
 from thesis_lib.datasets.sources.tables.options import Reading
 
 EXPERIMENT = "params_processed/experiment.json"
-G = 9.81  # m/s², which gives the unit of lengths
-DIGITS = 12  # significant ones of what is computed: the next ones are rounding
+G = 9.81  # m/s², which defines the unit of length
+DIGITS = 12  # significant digits of computed values; the others are rounding error
 COLUMNS = {name: (str(i + 1), 1.0) for i, name in enumerate(("x", "y", "z", "q1", "q2", "q3", "q4"))}
 
 
 def absent_tosses(count: int, files: Sequence[str]) -> str:
-    """'300 of 570 tosses present; missing: 300 to 569', of `count` tosses of which `files` are missing."""
+    """Sentence on missing `files` of `count` tosses: '300 of 570 tosses present; missing: 300 to 569'."""
     numbers = np.sort([_number(file) for file in files])
     runs = np.split(numbers, np.flatnonzero(np.diff(numbers) > 1) + 1)
     shown = ", ".join(f"{run[0]} to {run[-1]}" if len(run) > 1 else str(run[0]) for run in runs)
@@ -45,17 +45,17 @@ def absent_tosses(count: int, files: Sequence[str]) -> str:
 
 
 def convert_tosses(content: Mapping[str, bytes], out_dir: Path) -> Path:
-    """The dataset of the tosses in `content`, file name -> bytes, beside `EXPERIMENT`; trials have the files' numbers.
+    """Write the dataset of the tosses in `content` (file name -> bytes, and `EXPERIMENT`), trials numbered as files.
 
     UserError if the package torch is not installed.
     """
     from thesis_lib.datasets.sources.motion_capture.tensors import (
-        read_tensors,  # a job that asks where sets are reads none
+        read_tensors,  # not needed by jobs that only locate datasets
     )
 
     header, unit, dt = _experiment(content[EXPERIMENT])
     numbers = {_number(file): file for file in content if file != EXPERIMENT}
-    with tempfile.TemporaryDirectory() as folder:  # of what was checked: files may change
+    with tempfile.TemporaryDirectory() as folder:  # holds the bytes that were checked; the files may change
         paths = [Path(folder, f"{number}.pt") for number in sorted(numbers)]
         for path in paths:
             path.write_bytes(content[numbers[int(path.stem)]])
@@ -77,7 +77,7 @@ def _number(file: str) -> int:
 
 
 def _experiment(content: bytes) -> tuple[SpaceHeader, float, float]:
-    """Header, unit of lengths in m and time step in s; what it says is known, as its bytes are those published."""
+    """Header, unit of length in m and time step in s; `content` is trusted, as its SHA-256 is the published one."""
     stated = json.loads(content)
     unit = G / float(stated["g"])
     half = np.abs(np.array(stated["vertices"], dtype=float)).max(axis=0)

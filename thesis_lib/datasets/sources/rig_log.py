@@ -1,6 +1,6 @@
-"""Convert a rig's own logs into a dataset: planar tables, one file per trial or for many.
+"""Conversion of a rig's own logs into a dataset: planar tables, one file for one or many trials.
 
-"row" is the line in the file, counted from 1.
+A "row" in a message is the line in the file, counted from 1.
 """
 
 from collections.abc import Sequence
@@ -32,9 +32,9 @@ def convert_logs(
 ) -> Conversion:
     """A dataset of trajectories from tables with the same columns.
 
-    `frame`: x, y (m) of the centre of mass in the frame of the body that the tables follow, and by how much (rad) the
-    shape is turned against it.  A log without times needs `options.rate`.  Of a disk the angle may be missing.
-    UserError as in `read_poses`, or if angles are in degrees that are read as radians, or a value of the experiment is
+    `frame`: x, y (m) of the centre of mass in the tracked frame of the body, and the angle (rad) of the shape relative
+    to that frame.  A log without times needs `options.rate`.  The angle may be missing for a disk.
+    UserError as in `read_poses`, or if angles in degrees are read as radians, or a value of the experiment is
     impossible.
     """
     notes: list[str] = []
@@ -44,12 +44,12 @@ def convert_logs(
     lost = poses.drop(columns="trial").isna().any(axis=1)
     if lost.any():
         notes.append(
-            f"{int(lost.sum())} of {len(poses)} rows left out: a pose or time is empty, as where frames are lost "
+            f"{int(lost.sum())} of {len(poses)} rows left out: a pose or time is empty, as in lost frames "
             f"({_lost_rows(files, logs, lost.to_numpy())})"
         )
         poses = poses[~lost].reset_index(drop=True)
     if len(poses) == 0:
-        raise UserError(f"{files[0]} holds no row with a complete pose; nothing was converted.")
+        raise UserError(f"{files[0]} has no row with a complete pose; nothing was converted.")
     poses["trial"] = _number_trials(poses["trial"], notes)
     _refuse_degrees(files[0], poses, options, rig)
     if any(frame):
@@ -58,9 +58,9 @@ def convert_logs(
 
 
 def _of_the_body(poses: pd.DataFrame, frame: Frame) -> pd.DataFrame:
-    """Poses of the centre of mass and the shape from those of a `frame` of the body; UserError without an angle."""
+    """Poses of the body from poses of its tracked frame (`frame` as in `convert_logs`); UserError without an angle."""
     if "theta" not in poses:
-        raise UserError("--frame: where the centre of mass is takes the angle of the body, which is not measured.")
+        raise UserError("--frame: locating the centre of mass needs the angle of the body, which is not measured.")
     x, y, turn = frame
     cos, sin = np.cos(poses["theta"]), np.sin(poses["theta"])
     return poses.assign(x=poses["x"] + cos * x - sin * y, y=poses["y"] + sin * x + cos * y, theta=poses["theta"] + turn)
@@ -85,7 +85,7 @@ def read_planar_motions(
 
 
 def _refuse_degrees(file: str | Path, poses: pd.DataFrame, options: Reading, rig: RigOptions) -> None:
-    """UserError if whole poses in SI have an angle in degrees: before whole turns are taken off, which hides it."""
+    """UserError if complete poses have angles in degrees; to be called before unwrapping, which hides this mistake."""
     if "theta" not in poses:
         return
     report = ValidationReport()
@@ -98,7 +98,7 @@ def _refuse_degrees(file: str | Path, poses: pd.DataFrame, options: Reading, rig
 
 
 def _lost_rows(files: Sequence[str | Path], logs: Sequence[Log], lost: np.ndarray) -> str:
-    """Row numbers of the `lost` (N,) of all logs together, with the file if there are several."""
+    """Row numbers of `lost` rows (N,), counted over all logs, with the file name if there are several files."""
     parts = np.split(lost, np.cumsum([len(log) for log in logs])[:-1])
     by_file = [
         (Path(file).name, row_text(np.asarray(log.cells.index[part])))
@@ -112,7 +112,7 @@ def _lost_rows(files: Sequence[str | Path], logs: Sequence[Log], lost: np.ndarra
 
 
 def _number_trials(trial: pd.Series, notes: list[str]) -> np.ndarray:
-    """Trials as integers: the log's whole numbers, else counted in order of appearance."""
+    """Trials as integers: the whole numbers of the log, otherwise numbered in order of appearance."""
     numbers = pd.to_numeric(trial, errors="coerce").to_numpy(dtype=float, na_value=np.nan)
     if np.all(np.isfinite(numbers)) and np.all(numbers == np.rint(numbers)) and np.all(np.abs(numbers) < 2**53):
         return numbers.astype(np.int64)

@@ -1,15 +1,15 @@
-"""Is a rotation read as it was written?  A wrong order of a quaternion or a left-handed frame, seen in the data.
+"""Check that rotations are read as written: the data reveal a wrong order of quaternions, or a left-handed frame.
 
-A quaternion whose components are in another order turns just as smoothly, about an axis that stands still, too; and a
-frame with one axis reversed turns the wrong way about.  Two things of a body that moves in a vertical plane show it:
+A quaternion with permuted components also rotates smoothly about a fixed axis, and a frame with one reversed axis
+rotates in the opposite sense.  For a body that moves in a vertical plane, two quantities reveal this:
 
     S_f  = Σ [(v·n)² + k² (|ω|² − (ω·n)² + (ω·n − its mean)²)] / Σ [|v_h|² + k² |ω|²]      over a flight f
     c±   = ± k² Δω − r_x(±θ) Δv_y + r_y(±θ) Δv_x
 
-S is the middle one of all flights, n the normal that makes their sum of numerators least: the share of the energy that
-is out of the best plane or is not a steady turning, falling left aside (v_h: level part of v).  Without a torque
-turning is conserved, and its axis is normal to the plane of the motion.  c is the couple of an impact over the mass, 0
-at a point contact: it is small with the sign of the turning that is true, at that angle of the shape in its frame that
+S is the median over the flights, with the normal n that minimises the sum of their numerators: the share of the energy
+that is out of the best plane or in unsteady rotation, without the fall (v_h: horizontal part of v).  Without a torque
+the rotation is constant, and its axis is normal to the plane of the motion.  c is the couple of an impact over the
+mass, 0 at a point contact: it is small for the true sign of the rotation, at the angle of the shape in its frame that
 fits best.
 """
 
@@ -24,25 +24,25 @@ from thesis_lib.datasets.space.motion import Motion, turning
 from thesis_lib.datasets.space.plane import Plane, in_plane, signed
 from thesis_lib.foundation.errors import UserError
 
-OUT = 0.02  # S of a plane motion is far below a hundredth; that of a wrong reading some hundredths to tenths
-BETTER = 0.25  # S of another reading over that of the stated one, which makes it the likely one
-SLOW = 0.05  # m/s: level speed and k|ω| below it (rms) say nothing
+OUT = 0.02  # S of a planar motion is far below 0.01; that of a wrong reading is some hundredths to tenths
+BETTER = 0.25  # S of another reading over that of the stated one, below which the other is preferred
+SLOW = 0.05  # m/s: horizontal speed and k|ω| below it (rms) decide nothing
 CONTACT = 0.05  # s between two flights with an impact between
-MIRRORED = 0.5  # typical couple of the stated sign over that of the other
-TURNS = np.radians(np.arange(0.0, 360.0, 3.0))  # of the shape against its frame, among which the best is taken
-FINER = np.radians(np.arange(-6.0, 6.5, 0.5))  # about the best of these
-SAME = 1.001  # ratio of couples that are the same, as those of a square turned by 90°
-OFF = np.radians(6.0)  # a turn of the shape that is worth reporting ...
-CLEARLY = 0.5  # ... if it makes couples so much smaller
-IMPACTS = 12  # fewest that give the sign
-SHOWN = 3  # readings that are named
+MIRRORED = 0.5  # typical couple of the opposite sign over that of the stated one, below which the sign is wrong
+TURNS = np.radians(np.arange(0.0, 360.0, 3.0))  # trial angles of the shape against its frame
+FINER = np.radians(np.arange(-6.0, 6.5, 0.5))  # finer steps about the best of these
+SAME = 1.001  # ratio of couples that count as equal, such as those of a square turned by 90°
+OFF = np.radians(6.0)  # least angle of the shape that is reported ...
+CLEARLY = 0.5  # ... if it reduces the couples to this share
+IMPACTS = 12  # fewest impacts that determine the sign
+SHOWN = 3  # readings named in a message
 
 
 @dataclass(frozen=True, eq=False)
 class Scene:
     """The parts of a recording that do not depend on how rotations are read: the track with its flights, and the rig.
 
-    `turn` is by how much (rad) the shape is turned against the tracked frame; `plane` None if it is not known.
+    `turn` is the angle (rad) of the shape against the tracked frame; `plane` is None if it is not known.
     """
 
     track: Track
@@ -56,24 +56,24 @@ class Scene:
 
 @dataclass(frozen=True)
 class ReadingFit:
-    """How well a reading fits: `out` is S, `mirrored` the couple with the turning reversed over the couple as read.
+    """How well a reading fits: `out` is S, `mirrored` the couple with reversed rotation over the couple as read.
 
-    `turned` (rad) is by how much the shape is turned against the frame that it was believed to have, 0 if nothing
-    shows it.
+    `turned` (rad) is the angle of the shape against the frame that it was believed to have, 0 if the impacts do not
+    show one.
     """
 
     out: float
-    mirrored: float  # NaN if nothing shows it
+    mirrored: float  # NaN if impacts are few
     turned: float
 
     @property
     def good(self) -> bool:
-        """Whether nothing speaks against the reading."""
+        """Whether the reading is consistent with the data."""
         return not (self.out > OUT or self.mirrored < MIRRORED)
 
 
 def check_reading(motion: Motion, scene: Scene) -> ReadingFit:
-    """The fit of the motion as it is read; UserError if another of its readings fits far better."""
+    """The fit of the motion with its stated reading; UserError if another of its readings fits far better."""
     stated = fit(motion, scene)
     if stated.good:
         return stated
@@ -86,18 +86,18 @@ def check_reading(motion: Motion, scene: Scene) -> ReadingFit:
             others[option] = other
     if not others:
         return stated
-    wrong = "its impacts turn the body the wrong way about"
+    wrong = "its impacts turn the body in the wrong direction"
     if stated.out > OUT:
-        wrong = f"{stated.out:.0%} of its motion is out of any plane, or is turning that changes in free flight"
+        wrong = f"{stated.out:.0%} of its energy is out of any plane, or in rotation that changes in free flight"
     best = sorted(others, key=lambda option: others[option].out)
     raise UserError(
         f"{motion.source}: read as stated, the rotations do not fit the motion: {wrong}. They fit with "
-        f"{' or with '.join(best[:SHOWN])}. Find out how the log was written, and say so."
+        f"{' or with '.join(best[:SHOWN])}. Find out how the log was written, and state it."
     )
 
 
 def fit(motion: Motion, scene: Scene) -> ReadingFit:
-    """S and the sign of the turning of a motion; with a plane in `scene`, n is its normal."""
+    """S and the sign of the rotation of a motion; if `scene` has a plane, n is its normal."""
     samples, track, up, plane = 0, scene.track, scene.up, scene.plane
     omega = smoothed_turning(turning(motion.quaternion), motion.t, track.half)
     energy, spin, total = [], [], []
@@ -124,7 +124,7 @@ def fit(motion: Motion, scene: Scene) -> ReadingFit:
 
 
 def _couples(motion: Motion, scene: Scene, omega: np.ndarray, plane: Plane) -> tuple[float, float]:
-    """Typical |c₋| over |c₊| of the impacts, and the turn of the shape that they show; NaN and 0 if they are few."""
+    """Typical |c₋| over |c₊| of the impacts, and the angle of the shape that they show; NaN and 0 if they are few."""
     q, track = in_plane(motion, plane)[0], scene.track
     rows = []
     for before, after in zip(scene.flights[:-1], scene.flights[1:]):
@@ -147,9 +147,9 @@ def _couples(motion: Motion, scene: Scene, omega: np.ndarray, plane: Plane) -> t
         return np.abs(sign * scene.k_g**2 * dw - r[..., 0] * dvy + r[..., 1] * dvx)
 
     along, against = (np.median(couples(sign, TURNS), axis=1) for sign in (1.0, -1.0))
-    least = np.flatnonzero(along <= SAME * np.min(along))  # several of a shape with symmetries
+    least = np.flatnonzero(along <= SAME * np.min(along))  # several for a shape with symmetries
     finer = TURNS[least[np.argmin(np.abs(_wrapped(TURNS[least])))]] + FINER
-    # of the hits nearly on two corners the couples say little, at any angle
+    # large couples are capped: those of hits nearly on two corners are large at any angle
     turned = float(_wrapped(finer[np.argmin(np.minimum(couples(1.0, finer), 3.0 * np.min(along)).mean(axis=1))]))
     tells = np.min(along) < CLEARLY * along[0] and abs(turned) > OFF
     return float(np.min(against) / max(np.min(along), 1e-12)), turned if tells else 0.0

@@ -1,8 +1,8 @@
 """One long recording cut into drops: chains of free flights with impacts between them.
 
-A drop begins with a free flight that ends at the surface.  It goes on through impacts, as long as the next flight
-begins soon, and ends shortly after its last flight, or with it if the body is caught in the air.  What a hand does
-between drops is not a flight.
+A drop begins with a free flight that ends at the surface.  It continues through impacts, as long as the next flight
+begins soon, and ends shortly after its last flight, or with it if the body is caught in the air.  Motions by hand
+between drops are not flights.
 """
 
 import itertools
@@ -15,9 +15,9 @@ import pandas as pd
 from thesis_lib.datasets.space.flights import Track
 
 CONTACT = 0.15  # s between flights of one drop: hits in quick succession, rolling over a corner
-TAIL = 0.1  # s kept after the last flight: what it hits, and how the body comes to rest
-STILL, SETTLES, RESTS = 0.02, 3.0, 0.5  # m/s of a body at rest; s until it is; s of it that are kept
-NEAR = 0.25  # extents of the body above the surface that pass for a contact, as height and angle are believed ones
+TAIL = 0.1  # s kept after the last flight: its impact, and how the body comes to rest
+STILL, SETTLES, RESTS = 0.02, 3.0, 0.5  # m/s, speed limit of a rest; s, longest time until it; s of it that are kept
+NEAR = 0.25  # extents of the body above the surface that count as contact, as height and angle are uncertain
 IN_THE_AIR = "ends above the surface (caught, or out of view)"
 SPATIAL = "leaves the plane"
 
@@ -26,7 +26,7 @@ SPATIAL = "leaves the plane"
 class Drop:
     """Samples [start, stop) of a recording and the flights within.
 
-    `lands`: the last flight ends with an impact; `left_out`: why the drop is, "" if it is not.
+    `lands`: the last flight ends with an impact; `left_out`: reason why the drop is left out, "" if it is not.
     """
 
     trial: int
@@ -48,9 +48,9 @@ class Cuts:
 
 
 def cut_drops(track: Track, height: np.ndarray, flights: Sequence[slice], extent: float) -> list[Drop]:
-    """The drops of a recording, numbered in order of time; `height` (n,) in m is that of the body's lowest point.
+    """The drops of a recording, numbered in order of time; `height` (n,) in m is the height of the lowest point.
 
-    `extent` in m is the body's.  A flight that ends in the air without an impact before it is left out.
+    `extent` is that of the body in m.  A flight that ends in the air without an impact before it is left out.
     """
     t, step = track.t, float(np.median(np.diff(track.t)))
     chains: list[tuple[list[slice], bool]] = []
@@ -76,9 +76,9 @@ def cut_drops(track: Track, height: np.ndarray, flights: Sequence[slice], extent
 
 
 def until_rest(drops: Sequence[Drop], track: Track, height: np.ndarray, extent: float) -> list[Drop]:
-    """The drops with the rest that they end with, if the body comes to rest on its surface before it is taken away.
+    """The drops, extended by the final rest if the body comes to rest on the surface before it is taken away.
 
-    `height` and `extent` as of `cut_drops`.
+    `height` and `extent` as in `cut_drops`.
     """
     t = track.t
     speed = np.linalg.norm(track.v, axis=1)
@@ -89,7 +89,7 @@ def until_rest(drops: Sequence[Drop], track: Track, height: np.ndarray, extent: 
         end = len(t) if following is None else following.start
         end = min(end, int(np.searchsorted(t, t[drop.stop - 1] + SETTLES)))
         first = drop.stop + int(np.argmax(still[drop.stop : end])) if still[drop.stop : end].any() else end
-        # not if a hand lifts it before
+        # not if a hand lifts the body first
         if drop.lands and first < end and not np.any(height[drop.stop : first] > extent):
             moves = np.flatnonzero(~still[first:end])
             last = int(np.searchsorted(t, t[first] + RESTS))
@@ -99,7 +99,7 @@ def until_rest(drops: Sequence[Drop], track: Track, height: np.ndarray, extent: 
 
 
 def whole_pieces(piece: np.ndarray, flights: Sequence[slice]) -> list[Drop]:
-    """A drop for each run of equal numbers in `piece` (n,), for recordings that say what a trial is."""
+    """A drop for each run of equal numbers in `piece` (n,), for recordings that state their trials."""
     edges = np.r_[0, np.flatnonzero(np.diff(piece)) + 1, len(piece)]
     drops = []
     for a, b in itertools.pairwise(edges):
@@ -111,10 +111,10 @@ def whole_pieces(piece: np.ndarray, flights: Sequence[slice]) -> list[Drop]:
 def impact_shares(
     drops: Sequence[Drop], t: np.ndarray, out: np.ndarray, total: np.ndarray, most: float
 ) -> tuple[list[Drop], pd.DataFrame]:
-    """Share of the energy out of the plane in the flight before and after each impact, and the drops judged by it.
+    """The drops, marked if they leave the plane, and the share of energy out of it before and after each impact.
 
-    `out`, `total` (n,) are E_out and E of the samples (NaN where unknown).  A drop with more than `most` in one of its
-    flights is left out.
+    `out`, `total` (n,) are E_out and E of the samples (NaN where unknown).  A drop with a share of more than `most` in
+    one of its flights is left out.
     """
     judged, rows = [], []
     for drop in drops:

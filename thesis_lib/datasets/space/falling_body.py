@@ -1,18 +1,18 @@
-"""What free flights alone say: where the centre of mass is in the tracked frame, where gravity points, how bodies turn.
+"""Centre of mass in the tracked frame, direction of gravity, and free rotation of a body, from free flights alone.
 
     p(t) + R(t) c = a + b t + g t²/2        in each flight
 
-is linear in c, g and the a, b of each flight.  Before any flight is known, it holds for second derivatives as local
-parabolas give them: p̈ + R̈ c = g, exactly, in each window without a contact.  Three windows drawn at random give c and
-g; the draw that most windows agree with finds the flights.
+is linear in c, g and the a, b of each flight.  Before any flight is known, second derivatives from local parabolas are
+used: p̈ + R̈ c = g holds exactly in each window without a contact.  Three windows drawn at random give c and g; the draw
+that agrees with most windows finds the flights.
 
-Without a torque angular momentum L is kept over a flight f:
+Without a torque the angular momentum L is constant in a flight f:
 
     L = R G Rᵀ ω = const,    u_f = Σ |L − its mean|² / Σ |L|²
 
-A quaternion whose scalar stands elsewhere, or whose turns are reversed, turns as smoothly, but not as a free body does:
-u, the middle one of all flights, is then a hundredth to tenths.  Of a body with three equal moments, or one that turns
-about a fixed axis, flights cannot say it.
+A quaternion with its scalar in another place, or with reversed rotation, also rotates smoothly, but not like a free
+body: u, the median over the flights, is then a hundredth to tenths.  For a body with three equal moments, or with a
+fixed axis of rotation, flights cannot reveal this.
 
 | on paper | in code   | unit | shape     | axes                                              |
 |----------|-----------|------|-----------|---------------------------------------------------|
@@ -36,24 +36,24 @@ from thesis_lib.datasets.space.flights import NEAR_G, Track, find_flights, follo
 from thesis_lib.datasets.space.motion import Motion, turning
 from thesis_lib.foundation.errors import UserError
 
-WINDOW = 0.03  # s, half of a window of the search at least: the rotation must show in it
+WINDOW = 0.03  # s, least half-length of a window of the search: the rotation must be visible in it
 DRAWS, MOST_WINDOWS, JUDGES = 3000, 1500, 300  # of the search, and windows that judge a draw
-FAR = 0.1  # m, one sigma of c in a draw; keeps c near 0 where nothing turns
-UNSEEN = 1.0  # m, one sigma of c before the flights are seen
-BETTER = 1.3  # typical misfit of windows as stated over that of another reading, which makes it the likely one
-FALLS = 0.03  # typical misfit over g below which a body falls as read, whatever another reading makes of noise
+FAR = 0.1  # m, one sigma of c in a draw; keeps c near 0 if the body does not rotate
+UNSEEN = 1.0  # m, one sigma of c before the fit to the flights
+BETTER = 1.3  # typical misfit of windows as stated over that of another reading, above which the other is preferred
+FALLS = 0.03  # typical misfit over g below which the stated reading is accepted, even if another fits the noise better
 FEWEST = 20  # windows by which readings are compared
-ROUNDS = 3  # flights are found again with the centre that they gave
+ROUNDS = 3  # times that flights are found again with the centre of mass from the last fit
 ODD = 3.0  # median misfits of a flight, from which on it is left out
-SCALES = {"": 1.0, "mm": 1e-3, "cm": 1e-2}  # units that lengths may have been in after all
-SLOW = 1.0  # rad/s, rms: slower turning says nothing
-UNSTEADY = 0.005  # u of a free body is far below, by its noise alone; a box of 5 : 4 : 3 read wrongly has 0.01 and more
-STEADIER = 0.1  # u of another reading over that of the stated one, which makes it the likely one
+SCALES = {"": 1.0, "mm": 1e-3, "cm": 1e-2}  # units that the lengths may really have
+SLOW = 1.0  # rad/s, rms: slower rotation decides nothing
+UNSTEADY = 0.005  # u of a free body is far below, from noise alone; a box of 5 : 4 : 3 read wrongly has 0.01 and more
+STEADIER = 0.1  # u of another reading over that of the stated one, below which the other is preferred
 
 
 @dataclass(frozen=True, eq=False)
 class FallingBody:
-    """Fit of a body to its flights; `covariance` (6, 6) is of c and g, `path` (n, 3) in m is that of the centre."""
+    """Fit of a body to its flights; `covariance` (6, 6) is that of c and g, `path` (n, 3) in m that of the centre."""
 
     centre: np.ndarray
     gravity: np.ndarray
@@ -63,32 +63,32 @@ class FallingBody:
 
 
 def falling_body(t: np.ndarray, position: np.ndarray, R: np.ndarray, gravity: float) -> FallingBody:
-    """Centre of mass and direction of gravity from whole poses at rising times `t` (n,) in s.
+    """Centre of mass and direction of gravity from complete poses at increasing times `t` (n,) in s.
 
     Args:
-        gravity: its believed size in m/s².
+        gravity: believed magnitude of gravity in m/s².
 
     Raises:
-        UserError: nothing in it falls so.
+        UserError: the recording contains no such free flight.
     """
     found = _Windows.of(t, position, gravity).falling(R)
     if found is None:
-        raise UserError(f"no free flight is in it: nowhere does a point of the body accelerate by {gravity:g} m/s².")
+        raise UserError(f"there is no free flight: no point of the body ever accelerates by {gravity:g} m/s².")
     c, g, _ = found
     for _ in range(ROUNDS):
         path = position + R @ c
         flights = find_flights(follow(t, path, gravity), gravity * g / np.linalg.norm(g))
         if not flights:
-            raise UserError("no free flight is long enough to say where the centre of mass is.")
+            raise UserError("no free flight is long enough to determine the centre of mass.")
         c, g, covariance, flights = _fitted(t, position, R, flights)
     return FallingBody(c, g, covariance, flights, position + R @ c)
 
 
 def reading_that_falls(motion: Motion, gravity: float) -> str:
-    """The one of the motion's other readings with which a point of the body falls far better than as read; else "".
+    """Another reading of the motion with which a point of the body falls far better than as stated; "" if none.
 
-    With rotations that are read wrongly only the tracked point can fall.  Where that is the centre of mass, this says
-    nothing: torque-free turning does (`better_reading`).
+    With wrongly read rotations only the tracked point can fall.  If that is the centre of mass, this test decides
+    nothing; torque-free rotation does (`better_reading`).
     """
     windows, off = _Windows.of(motion.t, motion.position, gravity), {}
     for name, read in {"": lambda: motion.quaternion, **motion.readings}.items():
@@ -106,7 +106,7 @@ def reading_that_falls(motion: Motion, gravity: float) -> str:
 
 @dataclass(frozen=True, eq=False)
 class _Windows:
-    """Local parabolas around some samples `at` of those that accelerate, through `half` samples on either side."""
+    """Local parabolas around some of the accelerating samples, `at`, through `half` samples on either side."""
 
     t: np.ndarray
     position: np.ndarray
@@ -121,7 +121,7 @@ class _Windows:
         step = float(np.median(np.diff(t)))
         half = max(follow(t, position, gravity).half, int(WINDOW / step))
         a = parabolas(t, position, half, step)[1]
-        # of long recordings most is rest and a hand's carrying, which hardly accelerates
+        # most of a long recording is rest or carrying by hand, with little acceleration
         with np.errstate(invalid="ignore"):
             at = np.flatnonzero(np.linalg.norm(a, axis=1) > NEAR_G * gravity)
         if len(at) > MOST_WINDOWS:
@@ -129,9 +129,9 @@ class _Windows:
         return cls(t, position, gravity, step, half, at, a[at])
 
     def falling(self, R: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
-        """c, g and misfits (k,) in m/s² of the centre with which windows fall best; None if none does."""
+        """c, g and misfits (k,) in m/s² for the centre with which the windows fall best; None if none does."""
         A = parabolas(self.t, R.reshape(-1, 9), self.half, self.step, self.at)[1][self.at].reshape(-1, 3, 3)
-        y, gravity, rng = self.y, self.gravity, np.random.default_rng(0)  # the answer is that of the data
+        y, gravity, rng = self.y, self.gravity, np.random.default_rng(0)  # fixed seed: equal data, equal answer
         if len(y) < 3:
             return None
         M = np.concatenate([A, np.broadcast_to(-np.eye(3), A.shape)], axis=2)  # M (c, g) = −y
@@ -147,7 +147,7 @@ class _Windows:
         x = solved(rng.integers(0, len(y), (DRAWS, 3)))
         x = x[np.abs(np.linalg.norm(x[:, 3:], axis=1) - gravity) < NEAR_G * gravity]
         by, far = len(y) // JUDGES + 1, NEAR_G * gravity
-        # not how many are near: a centre far off may bring a few more of them within reach, and all less near
+        # not the number of windows that fit: a far centre may fit a few more of them, but all of them less closely
         misfits = [np.square(np.minimum(off(one, by), far)).sum() for one in x]
         best = x[int(np.argmin(misfits))] if misfits else np.zeros(6)
         if np.count_nonzero(off(best, by) < far) < 3:
@@ -184,9 +184,9 @@ def _fitted(t: np.ndarray, position: np.ndarray, R: np.ndarray, flights: list[sl
 
 
 def falling(t: np.ndarray, position: np.ndarray, gravity: float) -> tuple[str, np.ndarray, int] | None:
-    """The unit of length, the direction (3,) and the number of flights of what falls by `gravity` (m/s²) anywhere.
+    """Unit of length, direction (3,) and number of the flights that accelerate by `gravity` (m/s²) in any direction.
 
-    Positions (n, 3) at rising times t (n,) in s; None if nothing falls so.
+    Positions (n, 3) at increasing times t (n,) in s; None if there is no such flight.
     """
     for unit, scale in SCALES.items():
         track = follow(t, scale * position, gravity)
@@ -203,7 +203,7 @@ def falling(t: np.ndarray, position: np.ndarray, gravity: float) -> tuple[str, n
 
 
 def unsteadiness(motion: Motion, track: Track, flights: Sequence[slice], G: np.ndarray) -> float:
-    """u of the motion as it is read, see above; NaN if the body hardly turns, or no sample has an orientation."""
+    """Unsteadiness u of the rotation as read; NaN if the body hardly rotates, or no sample has an orientation."""
     turns = turning(motion.quaternion)
     R = Rotation.from_quat(motion.quaternion).as_matrix()
     tensor = R @ G @ R.swapaxes(1, 2)
@@ -219,7 +219,7 @@ def unsteadiness(motion: Motion, track: Track, flights: Sequence[slice], G: np.n
 
 
 def better_reading(motion: Motion, track: Track, flights: Sequence[slice], G: np.ndarray) -> str:
-    """The one of the motion's other readings as which it turns freely, where it does not as it is read; else ""."""
+    """Another reading with which the body rotates freely, if it does not with the stated one; "" if there is none."""
     stated = unsteadiness(motion, track, flights, G)
     if not stated > UNSTEADY:
         return ""

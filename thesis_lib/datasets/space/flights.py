@@ -1,11 +1,11 @@
-"""Free flights in a recording: where a body accelerates as gravity says, and nothing else touches it.
+"""Free flights in a recording: stretches in which a body accelerates by gravity alone, without a contact.
 
     p(t + s) = p + v s + a s²/2      fitted to 2h + 1 samples around each, h as small as the noise allows; flight where
                                      |a − g| is small and the parabola fits
     ω        = Σ w_k Δφ_k / Δt       slope of a straight line through the angles of the same samples (Δφ_k: rotation
                                      from sample to sample, w_k ∝ k (2h + 1 − k))
 
-Symbols: p, v, a, g (d,) in m, m/s, m/s², d 2 or 3; ω in rad/s.  A hand that moves a body hardly ever moves it so.
+Symbols: p, v, a, g (d,) in m, m/s, m/s², d 2 or 3; ω in rad/s.  A body moved by hand hardly ever moves like this.
 """
 
 import itertools
@@ -30,7 +30,7 @@ NOISE_FLOOR = 1e-7  # m
 
 @dataclass(frozen=True, eq=False)
 class Track:
-    """Local fits to a motion of n samples: velocity v, acceleration a (n, d), NaN where no window fits around one."""
+    """Local fits to a motion of n samples: velocity v, acceleration a (n, d), NaN at samples without a whole window."""
 
     t: np.ndarray
     v: np.ndarray
@@ -40,19 +40,19 @@ class Track:
 
 
 def too_slow(rate: float | None) -> str:
-    """Why a recording at `rate` (Hz) does not show single impacts, in a sentence; "" if it may."""
+    """Sentence on why a recording at `rate` (Hz) does not resolve single impacts; "" if it may."""
     if rate is None or not 0.0 < rate < 2.0 / LARGEST:
         return ""
     return (
         f"At {rate:.3g} Hz a flight has few samples, and two hits often lie within one step ({1e3 / rate:.0f} ms): "
-        "that is too slow for single impacts."
+        "this rate is too low to resolve single impacts."
     )
 
 
 def follow(t: np.ndarray, position: np.ndarray, gravity: float, noise: float = NOISE_FLOOR) -> Track:
-    """Local fits to positions (n, d) at times `t` (n,); the window suits a `gravity` in m/s².
+    """Local fits to positions (n, d) at times `t` (n,), with a window chosen for `gravity` in m/s².
 
-    `noise`: of a coordinate in m, at least; neighbours show less of it if a filter has smoothed them.
+    `noise`: least noise of a coordinate in m; neighbouring samples show less of it if a filter has smoothed them.
     """
     step = _step(t)
     noise = max(_noise(t, position, step), noise)
@@ -69,7 +69,7 @@ def _step(t: np.ndarray) -> float:
     steps = np.diff(t)
     steps = steps[steps > 0.0]
     if len(steps) < 10:
-        raise UserError("It has fewer than ten samples at rising times.")
+        raise UserError("The recording has fewer than ten samples at increasing times.")
     return float(np.median(steps))
 
 
@@ -89,7 +89,7 @@ def _deviation(half: int, noise: float, step: float) -> float:
 def parabolas(t: np.ndarray, position: np.ndarray, half: int, step: float, at: np.ndarray | None = None):
     """v (n, d), a (n, d) and the rms residual (n,) of parabolas around each sample; NaN across gaps and at the ends.
 
-    `at`: numbers of the samples around which they are asked for; the others are NaN.
+    `at`: indices of the samples around which parabolas are fitted; the others are NaN.
     """
     n, d = position.shape
     width = 2 * half + 1
@@ -119,7 +119,7 @@ def parabolas(t: np.ndarray, position: np.ndarray, half: int, step: float, at: n
 def find_flights(track: Track, gravity: np.ndarray) -> list[slice]:
     """Samples of each flight under `gravity` (d,) in m/s², in order of time.
 
-    Where samples are lost or off within a flight, it is still one: its velocity before and after says so.
+    A flight with lost or wrong samples inside remains one flight if its velocities before and after them agree.
     """
     size = float(np.linalg.norm(gravity))
     with np.errstate(invalid="ignore"):
@@ -136,7 +136,7 @@ def find_flights(track: Track, gravity: np.ndarray) -> list[slice]:
 
 
 def _whole(flights: list[slice], track: Track, gravity: np.ndarray) -> list[slice]:
-    """Flights without overlap; two of the same parabola are one."""
+    """Flights without overlap; two parts of the same parabola are joined."""
     result: list[slice] = []
     for flight in flights:
         if result and track.t[flight.start] - track.t[result[-1].stop - 1] < SAME_FLIGHT:
@@ -153,13 +153,13 @@ def _whole(flights: list[slice], track: Track, gravity: np.ndarray) -> list[slic
 
 
 def inner(flight: slice, track: Track) -> slice:
-    """The samples of a flight around which a window lies within it."""
+    """The samples of a flight whose windows lie within the flight."""
     first, last = min(flight.start + track.half, flight.stop - 1), max(flight.stop - 1 - track.half, flight.start)
     return slice(first, last + 1)
 
 
 def inner_samples(flights: Sequence[slice], track: Track) -> np.ndarray:
-    """Numbers of the samples around which a window lies within one of the flights."""
+    """Indices of the samples whose windows lie within one of the flights."""
     parts = [np.arange(rows.start, rows.stop) for rows in (inner(flight, track) for flight in flights)]
     return np.concatenate(parts) if parts else np.zeros(0, int)
 

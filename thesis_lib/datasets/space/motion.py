@@ -1,4 +1,4 @@
-"""The motion of one body in space, as a recording has it: times, positions, unit quaternions.
+"""The recorded motion of one body in space: times, positions, unit quaternions.
 
 | on paper | in code      | unit  | shape  |                                                                       |
 |----------|--------------|-------|--------|-----------------------------------------------------------------------|
@@ -6,9 +6,9 @@
 | q        | `quaternion` | 1     | (n, 4) | (x, y, z, w), turns the body's axes into those of the recording       |
 | ω        |              | rad/s | (n, 3) | angular velocity, in the axes of the recording                        |
 
-A sample that the recording lacks is NaN.  A point, as one marker or a ball is tracked, has no orientation: its
-quaternions are those of no rotation.  What a recording does not say for certain (the order of the quaternion, the
-sequence of Euler angles) is kept as `readings`: the same cells, read otherwise, by the option that would do so.
+A sample that the recording lacks is NaN.  A point (one marker, or a ball) has no orientation: its quaternions are the
+identity.  Conventions that a recording does not state for certain (order of the quaternion, sequence of Euler angles)
+are kept as `readings`: the same cells, read in another way, by the option that would do so.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -32,7 +32,7 @@ class Motion:
     t: np.ndarray
     position: np.ndarray
     quaternion: np.ndarray
-    trial: np.ndarray | None = None  # text (n,), if the recording says which sample belongs to which release
+    trial: np.ndarray | None = None  # text (n,), if the recording states to which release a sample belongs
     readings: Readings = field(default_factory=dict)  # option -> the quaternions (n, 4) that it would give
     oriented: bool = True  # False: a point
 
@@ -48,18 +48,18 @@ class Motion:
 
     @property
     def seen(self) -> np.ndarray:
-        """Samples (n,) with a time and a whole pose."""
+        """Mask (n,) of the samples with a time and a complete pose."""
         whole = np.isfinite(self.position).all(axis=1) & np.isfinite(self.quaternion).all(axis=1)
         return whole & np.isfinite(self.t)
 
     @property
     def placed(self) -> np.ndarray:
-        """Samples (n,) with a time and a place; zeros without an orientation stand for a body that is lost."""
+        """Mask (n,) of the samples with a time and a position; zeros without an orientation mark a lost body."""
         lost = ~self.position.any(axis=1) & ~np.isfinite(self.quaternion).all(axis=1)
         return np.isfinite(self.position).all(axis=1) & np.isfinite(self.t) & ~lost
 
     def part(self, chosen: np.ndarray) -> "Motion":
-        """The samples `chosen` (mask or index) alone."""
+        """The motion of the samples `chosen` (mask or indices)."""
         trial = None if self.trial is None else self.trial[chosen]
         readings = {name: lambda read=read: read()[chosen] for name, read in self.readings.items()}
         arrays = self.t[chosen], self.position[chosen], self.quaternion[chosen]
@@ -67,9 +67,9 @@ class Motion:
 
 
 def unit(quaternion: np.ndarray, where: str) -> np.ndarray:
-    """Quaternions (n, 4) of length 1, NaN for zeros, as systems write a lost orientation.
+    """Quaternions (n, 4) of length 1; NaN for zeros, with which systems mark a lost orientation.
 
-    UserError if they are none (`where` says which file and columns).
+    UserError if they are not rotations (`where` names the file and the columns).
     """
     quaternion = np.where(quaternion.any(axis=1, keepdims=True), quaternion, np.nan)
     length = np.linalg.norm(quaternion, axis=1)
@@ -78,19 +78,19 @@ def unit(quaternion: np.ndarray, where: str) -> np.ndarray:
     if wrong.any():
         first = int(np.flatnonzero(wrong)[0])
         raise UserError(
-            f"{where}: a rotation has the length {length[first]:.4g}, and unit quaternions have 1 "
-            f"({int(wrong.sum())} of {len(length)}). Are these the four columns of a quaternion?"
+            f"{where}: a rotation has the length {length[first]:.4g}, but unit quaternions have 1 "
+            f"({int(wrong.sum())} of {len(length)}). Check that these are the four columns of a quaternion."
         )
     return quaternion / length[:, None]
 
 
 def conjugate(quaternion: np.ndarray) -> np.ndarray:
-    """The inverse rotations (n, 4): as a left-handed frame writes them, or the world seen from the body."""
+    """The inverse rotations (n, 4), as in a left-handed frame, or as of the world seen from the body."""
     return quaternion * [-1.0, -1.0, -1.0, 1.0]
 
 
 def handed(motion: Motion, left: bool) -> Motion:
-    """The motion with its rotations reversed if they are `left`-handed; either way is a reading of the other."""
+    """The motion with its rotations reversed if they are `left`-handed; the other handedness becomes a reading."""
     stated = {"": lambda: motion.quaternion} | dict(motion.readings)
     readings = {}
     for option, read in stated.items():
@@ -124,7 +124,7 @@ def from_angles(sequence: str, angles: np.ndarray, degrees: bool) -> np.ndarray:
 
 
 def quaternions(rotations: np.ndarray, read: Callable[[np.ndarray], Rotation]) -> np.ndarray:
-    """Quaternions (n, 4) of `rotations` (n, ...) as `read` understands them; NaN where these hold NaN."""
+    """Quaternions (n, 4) of `rotations` (n, ...), converted by `read`; NaN for those with NaN."""
     whole = np.isfinite(rotations).all(axis=tuple(range(1, rotations.ndim)))
     result = np.full((len(rotations), 4), np.nan)
     if whole.any():
@@ -132,15 +132,15 @@ def quaternions(rotations: np.ndarray, read: Callable[[np.ndarray], Rotation]) -
     return result
 
 
-PAUSE = 10.0  # s between recordings that are joined: nothing goes on across it
+PAUSE = 10.0  # s between recordings that are joined: no motion continues across it
 
 
 def join(motions: Sequence[Motion], placed: bool = False) -> tuple[Motion, np.ndarray]:
-    """The seen samples of several recordings as one, one after the other, and the number (n,) of each sample's piece.
+    """The seen samples of several recordings in sequence, as one motion, and the number (n,) of each sample's piece.
 
-    `placed`: also those with a place and no orientation, NaN.
-    A piece is a trial of a recording that names trials, else a whole recording.  UserError if time does not rise
-    within one, or if nothing is seen.
+    `placed`: include samples with a position but no orientation, which is then NaN.
+    A piece is a trial of a recording that names trials, else a whole recording.  UserError if time does not increase
+    within a piece, or if no sample is complete.
     """
     pieces = []
     for motion in motions:
@@ -151,14 +151,14 @@ def join(motions: Sequence[Motion], placed: bool = False) -> tuple[Motion, np.nd
     if len({piece.oriented for piece in pieces}) > 1:
         raise UserError("Some of the files have the orientation of the body, others do not; convert them separately.")
     if not any(piece.seen.any() for piece in pieces):
-        raise UserError(f"{motions[0].source} holds no whole pose of {motions[0].body or 'the body'}.")
+        raise UserError(f"{motions[0].source} contains no complete pose of {motions[0].body or 'the body'}.")
     clock, times = 0.0, []
     for piece in pieces:
         if (np.diff(piece.t) <= 0.0).any():
             at = piece.t[int(np.flatnonzero(np.diff(piece.t) <= 0.0)[0])]
             raise UserError(
-                f"{piece.source}: time does not rise after {at:.6g} s. Sort the samples; if several trials are in one "
-                "file, name their column with --columns trial=…"
+                f"{piece.source}: time does not increase after {at:.6g} s. Sort the samples; if several trials are in "
+                "one file, name their column with --columns trial=…"
             )
         times.append(piece.t - piece.t[0] + clock)
         clock = times[-1][-1] + PAUSE

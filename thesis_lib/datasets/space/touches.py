@@ -1,4 +1,4 @@
-"""Where a falling body touches its table: hits between two flights, and rests after them."""
+"""Touches of a falling body on its table: hits between two flights, and rests after them."""
 
 from dataclasses import dataclass
 
@@ -9,22 +9,22 @@ from thesis_lib.datasets.space.falling_body import FallingBody
 from thesis_lib.datasets.space.flights import parabolas
 from thesis_lib.foundation.errors import UserError
 
-BETWEEN = 2.5  # steps between two flights; more, and another hit may be between
-KICK = 0.3  # m/s, change of velocity of a hit; the instant is where two parabolas meet
-BESIDE = 12  # samples beside a hit, through which the turning is followed up to it
+BETWEEN = 2.5  # most steps between two flights; with more, there may be another hit between
+KICK = 0.3  # m/s, least change of velocity of a hit; its instant is where two parabolas meet
+BESIDE = 12  # samples beside a hit from which the rotation is extrapolated to it
 STILL = (0.02, 0.2, 1.0)  # m/s, rad/s, m/s²: a body at rest is slower, over ...
 LASTING = 0.1  # s
-LATER = 3.0  # s after a flight, within which a body comes to rest on what it hit
+LATER = 3.0  # s after a flight, within which a body comes to rest on the surface that it hit
 
 
 @dataclass(frozen=True, eq=False)
 class Touches:
-    """Where the body is while it touches, k times.
+    """States of the body at k touches.
 
     Attributes:
-        place: (k, 3) in m of the centre of mass, axes of the recording.
-        attitude: (k) turns of the tracked frame's axes into those of the recording.
-        velocity, spin: (k, 3) in m/s and rad/s just before, 0 at rest.
+        place: (k, 3) position of the centre of mass in m, axes of the recording.
+        attitude: (k) rotations of the tracked frame's axes into those of the recording.
+        velocity, spin: (k, 3) in m/s and rad/s just before the touch, 0 at rest.
         rests: (k,) whether the body rests; else it hits.
     """
 
@@ -36,10 +36,10 @@ class Touches:
 
 
 def touches(trial: np.ndarray, t: np.ndarray, position: np.ndarray, turned: Rotation, body: FallingBody) -> Touches:
-    """The hits and rests in poses at rising times `t` (n,) in s, whose flights are known.
+    """The hits and rests in poses at increasing times `t` (n,) in s, with the flights of `body`.
 
     Raises:
-        UserError: there is none.
+        UserError: there is neither a hit nor a rest.
     """
     found, pause = [], BETWEEN * float(np.median(np.diff(t)))
     for before, after in zip(body.flights[:-1], body.flights[1:]):
@@ -83,7 +83,7 @@ def _hit(t: np.ndarray, turned: Rotation, body: FallingBody, before: slice, afte
 
 
 def _rests(trial: np.ndarray, t: np.ndarray, position: np.ndarray, turned: Rotation, body: FallingBody):
-    """The samples of the first rest after each last flight of a toss."""
+    """The samples of the first rest within `LATER` after a flight, at most one for each flight."""
     step = float(np.median(np.diff(t)))
     half = max(2, int(LASTING / step / 2.0))
     values = np.concatenate([position, turned.as_matrix().reshape(-1, 9)], axis=1)

@@ -1,20 +1,20 @@
-"""The pose of the tracked frame in the body, and the table, from tosses: nobody need have measured either.
+"""The pose of the tracked frame in the body, and the plane of the table, determined from tosses.
 
 Flights give the centre of mass in the tracked frame T and gravity (`falling_body`).  At each touch the lowest point of
 the body lies on the table, and where the body rests it stands on a face:
 
     n·(u + R e) + n·lowest(R R_STᵀ, n) = h − τ v_n,    n ∥ n_S at rest
 
-in which the turn R_ST of T's axes into S's, the error e of the centre, the normal n and the height h of the table are
-unknown, and how far a hit sinks in before its parabolas meet.  A search over all turns finds where to begin; of turns
-that a symmetry of the body makes equal the one nearest to none is told.
+in which the rotation R_ST of T's axes into S's, the error e of the centre, the normal n and the height h of the table,
+and the penetration τ v_n of a hit before its parabolas meet are unknown.  A search over all rotations gives starting
+points; of rotations that are equal by a symmetry of the body, the one nearest to the identity is reported.
 
 | on paper | in code   | unit | shape  | axes                                                              |
 |----------|-----------|------|--------|-------------------------------------------------------------------|
 | u        | `place`   | m    | (k, 3) | recording: centre of mass at a touch                              |
 | R        | `attitude`| 1    | (k)    | T into the recording's                                            |
-| e        |           | m    | (3,)   | T: from where flights have the centre of mass to where the shape has it |
-| τ v_n    |           | s, m/s |      | contact point's way into the table, its speed towards it          |
+| e        |           | m    | (3,)   | T: from the centre of mass by the flights to that by the shape    |
+| τ, v_n   |           | s, m/s |      | time from touch to meeting, speed of the contact point towards the table |
 | n_S      | `stands`  | 1    | (m, 3) | S: directions that are up where the body stands                   |
 """
 
@@ -31,28 +31,28 @@ from thesis_lib.datasets.space.touches import Touches, touches
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.mechanics.frame import Frame
 
-TURNS, BEGIN, APART = 6000, 10, 0.35  # turns that are tried, the best of them (rad apart) that are fitted
-COARSE = (0.15, 0.3)  # of the extent, and rad: misfits that are small in the search
-FIRST = (1.5e-3, 0.03)  # m and rad: misfits in the first fit; then as they are
+TURNS, BEGIN, APART = 6000, 10, 0.35  # rotations that are tried, the best of them (rad apart) that are fitted
+COARSE = (0.15, 0.3)  # of the extent, and rad: scale of misfits in the search
+FIRST = (1.5e-3, 0.03)  # m and rad: scale of misfits in the first fit, later estimated
 LEAST = (5e-5, 1e-4)  # m and rad: smaller misfits are chance
 ROUNDS = 4  # fits, each with the misfits of the one before
 PARTS = 8  # of the touches, left out in turn
 FEWEST = 6  # touches
 SLOPE, SINKING, CENTRE = 0.1, 2e-3, 0.02  # one sigma of tilt (rad), τ (s), and of a centre of mass, of the extent
-ODD = 3.0  # sigmas, beyond which a touch is another thing's
+ODD = 3.0  # sigmas, beyond which a touch is ascribed to another object
 MISFIT = 0.06  # of the extent, by which most touches may be off the table
-OPEN = (0.1, 0.15)  # rad, and of the extent: what is known no better is open
-CHANCE = 20.0  # in χ², by which another turn must fit worse
+OPEN = (0.1, 0.15)  # rad, and of the extent: larger uncertainties are reported as open
+CHANCE = 20.0  # in χ², by which another rotation must fit worse
 
 
 @dataclass(frozen=True, eq=False)
 class TrackedFrame:
-    """Tracked frame found from tosses; `open` are sentences on what they leave open, none if all is known.
+    """Tracked frame found from tosses; `open` are sentences on parts that they do not determine, none if complete.
 
     Attributes:
         tracked: pose of T in S, with its uncertainty.
         point, normal: (3,) of the table, in m and 1, axes of the recording.
-        gravity: (3,) in m/s², of the size believed.
+        gravity: (3,) in m/s², of the believed magnitude.
         gravity_angle: one sigma of its direction, rad.
         path: (n, 3) in m of the centre of mass.
     """
@@ -90,15 +90,15 @@ def find_tracked_frame(
     body: SolidBody,
     gravity: float,
 ) -> TrackedFrame:
-    """Pose of the tracked frame in the body, table and gravity from whole poses at times `t` (n,) that rise throughout.
+    """Pose of the tracked frame in the body, table and gravity, from complete poses at increasing times `t` (n,).
 
     Args:
         trial: (n,) equal within a toss, or a take.
-        quaternion: (n, 4) scalar first; None of a ball whose orientation nobody measured, and whose centre is tracked.
-        gravity: its size in m/s².
+        quaternion: (n, 4) scalar first; None for a ball whose centre is tracked, and whose orientation is not measured.
+        gravity: its magnitude in m/s².
 
     Raises:
-        UserError: flights or touches are missing; says which.
+        UserError: flights or touches are missing; the message states which.
     """
     turned = Rotation.identity(len(t)) if quaternion is None else Rotation.from_quat(quaternion, scalar_first=True)
     falls = falling_body(t, position, turned.as_matrix(), gravity)
@@ -107,8 +107,8 @@ def find_tracked_frame(
     met = touches(trial, t, position, turned, falls)
     if len(met.rests) < FEWEST:
         raise UserError(
-            f"{len(met.rests)} hits and rests follow free flights, and the pose of the tracked frame in the body needs "
-            f"{FEWEST}: record on until the body lies still, on different faces."
+            f"{len(met.rests)} hits and rests follow free flights, but the pose of the tracked frame in the body needs "
+            f"{FEWEST}: record until the body lies still, on different faces."
         )
     found = _Fit(body, falls, met).solved(gravity)
     if quaternion is not None:
@@ -117,7 +117,7 @@ def find_tracked_frame(
 
 
 class _Fit:
-    """The equations of the touches; unknown are turn (3), e (3), h, tilt (2) and τ."""
+    """The equations of the touches; the unknowns are rotation (3), e (3), h, tilt (2) and τ."""
 
     def __init__(self, body: SolidBody, falls: FallingBody, met: Touches) -> None:
         self.body, self.falls, self.met = body, falls, met
@@ -136,7 +136,7 @@ class _Fit:
         return n / np.linalg.norm(n)
 
     def gaps(self, R: np.ndarray, x: np.ndarray) -> np.ndarray:
-        """Heights (k,) of the lowest points over the table."""
+        """Heights (k,) in m of the lowest points above the table, corrected for the penetration of hits."""
         n, met = self.normal(x), self.met
         attitude = (met.attitude * Rotation.from_matrix(R.T)).as_quat(scalar_first=True).T
         lowest = self.solid.lowest(attitude, n[:, None]).T
@@ -144,7 +144,7 @@ class _Fit:
         return (met.place + met.attitude.apply(x[3:6]) + lowest) @ n - x[6] + x[9] * speed * ~met.rests
 
     def slants(self, R: np.ndarray, x: np.ndarray) -> np.ndarray:
-        """Turns (m, 3) in rad from how the body lies to how it would stand, for each rest."""
+        """Rotation vectors (m, 3) in rad from the attitude at each rest to the nearest one in which the body stands."""
         return self.symmetry.leaning((self.met.attitude.inv().apply(self.normal(x)) @ R.T)[self.met.rests])
 
     def residuals(self, x: np.ndarray, R: np.ndarray) -> np.ndarray:
@@ -157,7 +157,7 @@ class _Fit:
         return np.concatenate([gaps, slants.ravel(), weak])
 
     def starts(self) -> list[np.ndarray]:
-        """Turns (3, 3) from which to begin, the best of many, no two alike."""
+        """Starting rotations (3, 3): the best of many, no two alike."""
         some = Rotation.random(TURNS, rng=np.random.default_rng(0)).as_matrix()
         n, costs = self.axes[:, 2], []
         seen = self.met.attitude.inv().apply(n)  # the normal, in T
@@ -178,7 +178,7 @@ class _Fit:
         return chosen
 
     def angle(self, one: np.ndarray, other: np.ndarray) -> float:
-        """Least angle in rad between two turns, up to the symmetry of the body."""
+        """Least angle in rad between two rotations, up to the symmetry of the body."""
         return float(np.arccos(np.clip((np.trace(self.symmetry.nearest(one, other) @ other.T) - 1.0) / 2.0, -1.0, 1.0)))
 
     def fitted(self, R: np.ndarray, x: np.ndarray, loss: str):
@@ -210,8 +210,8 @@ class _Fit:
         off = float(np.median(np.abs(self.gaps(R, x))))
         if off > MISFIT * self.solid.extent or self.used.sum() < FEWEST:
             raise UserError(
-                f"at the touches the body is {1e3 * off:.2g} mm off its table in any pose (median): are shape, units "
-                "and rotations right?"
+                f"at the touches the body is {1e3 * off:.2g} mm off its table in any pose (median): check the shape, "
+                "the units and the rotations."
             )
         cost, R, x, jac = self.fitted(R, x, "linear")
         free = int(self.used.sum() + 2 * self.used[rests].sum()) - 7
@@ -233,13 +233,13 @@ class _Fit:
         falls, n, axes = self.falls, self.normal(x), self.symmetry.axes
         r = R @ (falls.centre + x[3:6])  # d = c_S − R (c_T + e)
         by = np.zeros((3, 10))
-        by[:, :3], by[:, 3:6] = np.cross(np.eye(3), r), -R  # turned by φ, r goes on by φ × r
+        by[:, :3], by[:, 3:6] = np.cross(np.eye(3), r), -R  # a rotation by φ moves r by φ × r
         place = by @ cov @ by.T
         turn = cov[:3, :3].copy()
         told = []
         for name, matrix, limit, unit in (
-            ("turn about", turn, OPEN[0], "rad"),
-            ("place along", place, OPEN[1] * self.solid.extent, "m"),
+            ("rotation about", turn, OPEN[0], "rad"),
+            ("position along", place, OPEN[1] * self.solid.extent, "m"),
         ):
             values, vectors = np.linalg.eigh(matrix)
             for value, vector in zip(values, vectors.T):

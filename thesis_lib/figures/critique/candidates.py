@@ -1,4 +1,4 @@
-"""Which effect is missing: what each of the first candidates gains alone on held-out trials, and what became of it."""
+"""Figure of the candidate effects: gain of each of the best candidates alone on held-out trials, and its status."""
 
 import textwrap
 
@@ -15,18 +15,18 @@ from thesis_lib.figures.style import BLUE, GREY, RED, YELLOW, Drawn, house_style
 from thesis_lib.statistics.wording import listed, number
 
 COLORS = {FOUND: BLUE, ALIKE: YELLOW, REJECTED: RED, OTHER: GREY}
-LABEL_WIDTH, WHY_WIDTH = 34, 44  # characters a line
+LABEL_WIDTH, WHY_WIDTH = 34, 44  # characters per line
 LINEAR = 0.1  # nats per impact, up to which the axis is linear
-FAR_BELOW = -1.0  # nats per impact, where the axis ends below
+FAR_BELOW = -1.0  # nats per impact, lower end of the axis
 EXTREMES = (("gain_low", "min"), ("gain_high", "max"))
 TICKS = (-1.0, -0.1, 0.0, 0.1, 1.0, 10.0, 100.0)
 
 
 @house_style
 def draw_candidates(critique: DropsCritique, table: pd.DataFrame | None) -> Drawn | None:
-    """Gain of each candidate with its 95 % interval, and beside it what speaks for or against it.
+    """Draw the gain of each candidate with its 95 % interval, and the evidence for or against it.
 
-    `table`: that of `thesis_lib.critique.results.candidates`; None, or no row: no picture.
+    `table`: from `thesis_lib.critique.results.candidates`; None, or no row: no picture.
     """
     if table is None or table.empty:
         return None
@@ -59,12 +59,12 @@ def draw_candidates(critique: DropsCritique, table: pd.DataFrame | None) -> Draw
 
 
 def candidates_sentence(table: pd.DataFrame) -> str:
-    """How far the effects that were found lead the others; not all of them need be among the first candidates."""
+    """Return a sentence on the lead of the effects found over the others; some may not be among the best candidates."""
     found, others = table[table["standing"] == FOUND], table[table["standing"] != FOUND]
     if found.empty:
         first = table.iloc[0]
         title, gain = effect_title(first["effect"]), number(first["gain"], 2)
-        return f"Of all effects “{title}” gains most, {gain} nats per impact, but {first['why']}"
+        return f"Of all effects, “{title}” gains most, {gain} nats per impact, but {first['why']}"
     names = listed([f"“{effect_title(name)}”" for name in found["effect"]])
     gains = listed([number(gain, 2) for gain in found["gain"]])
     each = " each" if len(found) > 1 else ""

@@ -1,4 +1,4 @@
-"""Errors of the critique: the ladder of added effects, laws beside their bounds, the error budget, the parameters.
+"""Figures of the errors of a critique: ladder of added effects, laws with bounds, error budget, parameters.
 
 Every error is the held-out mean of √(δv_x² + δv_y² + (k δω)²) in m/s unless an axis says otherwise.
 """
@@ -24,35 +24,35 @@ from thesis_lib.statistics.wording import listed, number
 BEFORE, AFTER = RED, BLUE  # Okabe and Ito; the second is darker in grey
 TITLE_WIDTH = 76  # characters per line of a figure's title
 LABEL_WIDTH = 34  # characters per line of a rung's label
-SAME_BOUND = 0.02  # relative difference up to which two bounds are one line
+SAME_BOUND = 0.02  # relative difference up to which two bounds are drawn as one line
 ALIKE = 0.1  # relative difference of errors up to which the choice of law does not matter
 FAR = 8.0  # misfit in units of noise above which its axis is logarithmic
 CHANNELS = {"flight": ("o", "flight"), "meet": ("^", "poses"), "touch": ("s", "gap")}
-# by term: color and hatch, of which the grey value falls from left to right, so that the bar reads without colour; and
-# words that complete "so much of the error ..."
+# by term: color and hatch, with grey values falling from left to right to be legible without colour; and words that
+# complete "<share> of the base law's mean square error ..."
 BUDGET_LOOK = {
     "noise": ("#dddddd", "", "is noise of the measurement"),
     "parameters": (SKY, "....", "comes from the uncertainty of the parameters"),
-    "choice_of_law": (YELLOW, "////", "would go with another law, impact by impact"),
+    "choice_of_law": (YELLOW, "////", "would vanish with the best law for each impact"),
     "rigid_point_contact": (BLUE, "\\\\\\\\", "is beyond any rigid impulse at the believed contact point"),
-    "rest": ("#333333", "", "is neither noise nor the choice of law: an effect that is missing, or scatter"),
+    "rest": ("#333333", "", "is neither noise nor the choice of law: an effect is missing, or there is scatter"),
 }
 
 
 def set_title(figure: Figure, text: str) -> None:
-    """The sentence above all panels that states what the figure shows."""
+    """Write the sentence above all panels that states the result of the figure."""
     text = textwrap.fill(text, TITLE_WIDTH, break_on_hyphens=False)
     figure.suptitle(text, x=0.01, ha="left", fontsize=9, fontweight="bold")
 
 
 def step_label(critique: DropsCritique, i: int) -> str:
-    """Label of the i-th rung of the ladder."""
+    """Return the label of the i-th rung of the ladder."""
     return textwrap.fill(rung_title(critique, i), LABEL_WIDTH)
 
 
 @house_style
 def draw_ladder(critique: DropsCritique, table: pd.DataFrame) -> Drawn:
-    """Held-out error after each added effect with 95 % intervals, between noise floor and no-impact baseline."""
+    """Draw the held-out error after each added effect with 95 % intervals, from noise floor to no-impact baseline."""
     labels = [step_label(critique, i) for i in range(len(table))]
     channels = [name for name in CHANNELS if name in table and np.isfinite(table[name]).any()]
     figure = new_figure(height=1.75 + 0.36 * len(table))
@@ -81,7 +81,7 @@ def draw_ladder(critique: DropsCritique, table: pd.DataFrame) -> Drawn:
 
 
 def _draw_misfits(ax: Axes, misfits: pd.DataFrame) -> None:
-    """Misfit of each channel (columns) at each rung (rows)."""
+    """Draw the misfit of each channel (columns) at each rung (rows)."""
     ax.axvline(1.0, color=GREY, linestyle=(0, (4, 2)), linewidth=1.0)
     shift = np.linspace(-0.14, 0.14, misfits.shape[1]) if misfits.shape[1] > 1 else [0.0]
     for name, dy in zip(misfits, shift):
@@ -99,7 +99,7 @@ def _draw_misfits(ax: Axes, misfits: pd.DataFrame) -> None:
 
 
 def ladder_sentence(critique: DropsCritique) -> str:
-    """Change of the held-out error along the ladder, beside the noise floor."""
+    """Return a sentence on the change of the held-out error along the ladder, with the noise floor."""
     first, last = critique.ladder[0][2], critique.ladder[-1][2]
     before, after, floor = float(first.error.mean()), float(last.error.mean()), last.floor
     to_floor = f"; the noise floor is {number(floor)} m/s" if np.isfinite(floor) else ""
@@ -112,7 +112,7 @@ def ladder_sentence(critique: DropsCritique) -> str:
 
 @house_style
 def draw_laws(critique: DropsCritique) -> Drawn:
-    """Held-out error and log score of each law without effects, beside Best Post Hoc, IRB bound and floor."""
+    """Draw held-out error and log score of each law without effects, with Best Post Hoc, IRB bound and noise floor."""
     table, best = law_errors(critique)
     figure = new_figure(height=3.0)
     left, right = figure.subplots(1, 2, sharey=True, gridspec_kw={"width_ratios": [1.25, 1.0]})
@@ -138,7 +138,7 @@ def draw_laws(critique: DropsCritique) -> Drawn:
 
 
 def laws_sentence(table: pd.DataFrame) -> str:
-    """How much the choice of law matters."""
+    """Return a sentence on how much the choice of law matters."""
     if len(table) == 1:
         return f"{law_title(table['model'][0])} errs by {number(table['error'][0])} m/s on held-out impacts"
     (best, *_, worst), (least, *_, most) = table["model"].map(law_title), table["error"]
@@ -148,7 +148,7 @@ def laws_sentence(table: pd.DataFrame) -> str:
         return f"The choice of law hardly matters: all {len(table)} err by {ends} m/s on held-out impacts"
     if len(alike) >= len(table) / 2:
         return (
-            f"{len(alike)} of {len(table)} laws err alike on held-out impacts, by {number(least)} to "
+            f"{len(alike)} of {len(table)} laws have similar errors on held-out impacts, {number(least)} to "
             f"{number(alike.iloc[-1])} m/s; {worst} errs most, by {number(most)} m/s"
         )
     return (
@@ -159,7 +159,7 @@ def laws_sentence(table: pd.DataFrame) -> str:
 
 @house_style
 def draw_budget(table: pd.DataFrame) -> Drawn:
-    """Parts of the mean square of the base law's held-out error."""
+    """Draw the parts of the mean square of the base law's held-out error."""
     total = float(table["mean_square"].sum())
     figure = new_figure(height=1.9)
     ax = figure.add_subplot()
@@ -169,7 +169,7 @@ def draw_budget(table: pd.DataFrame) -> Drawn:
         color, hatch, _ = BUDGET_LOOK[row.part]
         share = 100.0 * row.mean_square / total
         ax.barh(0, share, left=left, color=color, hatch=hatch, edgecolor="white", linewidth=0.6)
-        # the part is 0 if the noise is unknown: that does not mean data without noise
+        # this part is 0 if the noise is unknown, which does not mean data without noise
         text = f"{label} {number(share, 2)} %" if row.part != "noise" or share > 0 else f"{label} unknown"
         ax.barh(0, 0, color=color, hatch=hatch, edgecolor="white", label=text)
         if share > 7:
@@ -189,14 +189,14 @@ def draw_budget(table: pd.DataFrame) -> Drawn:
 
 @house_style
 def draw_parameters(critique: DropsCritique) -> Drawn:
-    """Each parameter with its 95 % interval at each step, or its bound as an arrow.
+    """Draw each parameter with its 95 % interval at each step, or its bound as an arrow.
 
-    One that moves had compensated for a missing effect.
+    A parameter that changes had compensated for a missing effect.
     """
-    # a law that was given up on the way may have parameters of its own
+    # a law that was replaced on the way may have parameters that other laws lack
     declared = {name: p for _, fitted, _ in critique.ladder for name, p in fitted.model.parameters.items()}
     rows = [
-        (label, name, p.unit, fitted.content(name)["value"], fitted.std[name])  # of a bound std is NaN
+        (label, name, p.unit, fitted.content(name)["value"], fitted.std[name])  # std is NaN for a bound
         for label, fitted, _ in critique.ladder
         for name, p in fitted.model.parameters.items()
         if p.discrete is None
@@ -241,39 +241,39 @@ def draw_parameters(critique: DropsCritique) -> Drawn:
 
 
 def _draw_bound(ax: Axes, value: float, y: float, kind: str, size: float) -> None:
-    """A bound as an open mark, with an arrow to the side on which the value may be."""
+    """Draw a bound as an open mark, with an arrow to the side on which the value may lie."""
     to = value + 0.5 * size * (1.0 if kind == "lower" else -1.0)
     ax.plot([value], [y], "|", color=INK, markersize=9)
     ax.annotate("", (to, y), (value, y), arrowprops={"arrowstyle": "->", "color": INK, "linewidth": 1.2})
-    ax.plot([to], [y], alpha=0.0)  # the axis reaches to the arrow
+    ax.plot([to], [y], alpha=0.0)  # extends the axis to the arrow
 
 
 def symbol_of(name: str) -> str:
-    """A parameter's name as mathematics: Greek letters and subscripts."""
+    """Return the name of a parameter as mathematics: Greek letters and subscripts."""
     parts = [GREEK.get(part, part) for part in name.split("_")]
     first, *rest = [part if len(part) == 1 else rf"\mathrm{{{part}}}" for part in parts]
     return f"${first}_{{{','.join(rest)}}}$" if rest else f"${first}$"
 
 
 def parameters_sentence(critique: DropsCritique) -> str:
-    """Parameters that had compensated for missing effects."""
+    """Return a sentence on parameters that had compensated for missing effects."""
     names = {"mu": "friction μ", "epsilon": "restitution ε", "tau": "contact time τ"}
     if len(critique.ladder) == 1:
         return "Parameters of the base law with 95 % intervals"
     first, last = (critique.ladder[i][1].model.law.name for i in (0, -1))
     if first != last:
         better = f"{law_title(last)} fits better than {law_title(first)}"
-        return f"With the effects {better}, whose μ and ε mean other things"
+        return f"With the effects {better}, whose μ and ε have different meanings"
     moved = compensated(critique)
     if moved.empty:
-        return "No parameter of the base law had compensated for what was missing: none moves by much"
+        return "No parameter of the base law had compensated for missing effects: none changes by much"
     rows = zip(moved["parameter"], moved["before"], moved["after"])
     parts = [f"{names.get(name, name)} moves from {number(before)} to {number(after)}" for name, before, after in rows]
-    return "What had compensated for the missing effects: " + " and ".join(parts)
+    return "Parameters that had compensated for missing effects: " + " and ".join(parts)
 
 
 def error_dots(ax: Axes, value, low, high, y, color: str) -> None:
-    """Dots with horizontal intervals."""
+    """Draw dots with horizontal intervals."""
     value, low, high = (np.asarray(a, float) for a in (value, low, high))
     ax.errorbar(value, y, xerr=np.abs([value - low, high - value]), fmt="o", color=color, capsize=2.5, linewidth=1.2)
 
@@ -281,9 +281,9 @@ def error_dots(ax: Axes, value, low, high, y, color: str) -> None:
 def bound_lines(
     ax: Axes, floor: float, irb: float, best: float | None, nothing: float | None, irb_augmented: float | None = None
 ) -> dict[str, float]:
-    """Draw the known bounds as vertical lines, in m/s; returns them by name.
+    """Draw the known bounds as vertical lines, in m/s; return them by name.
 
-    The IRB bound with the effects is drawn if it differs: effects can correct what the bound takes as given.
+    The IRB bound with the effects is drawn if it differs: effects can correct quantities that the bound assumes.
     """
     if irb_augmented is not None and abs(irb_augmented - irb) < SAME_BOUND * irb:
         irb_augmented = None
@@ -303,7 +303,7 @@ def bound_lines(
 
 
 def readable_log(ax: Axes, low, high) -> None:
-    """A logarithmic axis over the values, with plain numbers at 1, 2 and 5 (only at 1 over many decades)."""
+    """Set a logarithmic axis over the values, with plain numbers at 1, 2 and 5 (only at 1 over many decades)."""
     low, high = np.asarray(low, float), np.asarray(high, float)
     low, high = low[np.isfinite(low) & (low > 0)], high[np.isfinite(high) & (high > 0)]
     if not len(low) or not len(high):
@@ -314,7 +314,7 @@ def readable_log(ax: Axes, low, high) -> None:
 
 
 def log_axis(ax: Axes, first: float, last: float, ticks: Iterable[float]) -> None:
-    """A logarithmic axis from `first` to `last` with plain numbers at those of the ticks that lie on it."""
+    """Set a logarithmic axis from `first` to `last` with plain numbers at the `ticks` in this range."""
     ax.set(xscale="log", xlim=(first, last))
     ax.xaxis.set_major_locator(FixedLocator([tick for tick in ticks if first <= tick <= last]))
     ax.xaxis.set_minor_locator(NullLocator())

@@ -1,6 +1,6 @@
-"""One critique of a mechanism: residual generalised forces of held-out trials, and what each candidate gains.
+"""Figure for the critique of a mechanism: residual generalised forces of held-out trials, and gains of candidates.
 
-Residuals are whitened; gains stand against the largest gain expected by chance.
+Residuals are whitened; gains are compared with the largest gain expected by chance.
 """
 
 import numpy as np
@@ -16,7 +16,7 @@ SMALLEST = 1e-2  # sigma; smaller residuals (of exact data) are drawn at this va
 
 @house_style
 def figure_residuals(residuals: pd.DataFrame, gains: pd.DataFrame, limit: float) -> Drawn:
-    """Whitened residuals of held-out windows before and after, and gains of the candidates.
+    """Draw whitened residuals of held-out windows before and after adding effects, and gains of the candidates.
 
     `residuals`: window, coordinate, before, after (in standard deviations, signed); `gains`: candidate, gain (nats);
     `limit`: gain in nats that the best candidate exceeds by chance in 1 % of draws.
@@ -43,5 +43,5 @@ def figure_residuals(residuals: pd.DataFrame, gains: pd.DataFrame, limit: float)
 
 
 def words(name: str) -> str:
-    """Name of a hidden effect of a mechanism, in words and at most two lines."""
+    """Return the name of a hidden effect of a mechanism in words, on at most two lines."""
     return name.replace("_", " ").replace("viscous joint", "viscous\njoint").replace("coulomb joint", "Coulomb\njoint")

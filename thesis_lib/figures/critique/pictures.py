@@ -1,7 +1,7 @@
-"""All pictures of one critique, by name; with those of the user's data, and of laws and engines side by side.
+"""All pictures of one critique, by name, including those of the data, and of laws compared with engines.
 
-The user's data: some trials with arcs and detected impacts, the states before impact, and what was left out.  Arcs are
-the flights that the critique fitted on either side of each impact, with the dataset's gravity.
+The data: some trials with arcs and detected impacts, the states before impact, and counts of impacts left out.  Arcs
+are the flights that the critique fitted on either side of each impact, with the gravity of the dataset.
 """
 
 from collections.abc import Mapping
@@ -31,7 +31,7 @@ PANEL = 1.3  # width of a trial's panel over its height
 TRIALS = 3  # trials drawn
 USED, LEFT_OUT = BLUE, RED
 STATES = ("v_t", "v_n", "omega", "theta", "omega_t", "omega_n")
-LOOKS = {  # edge, face, place in the row
+LOOKS = {  # edge colour, face colour, vertical offset in the row
     WITHOUT: (errors.BEFORE, "white", 0.14),
     WITH: (errors.AFTER, errors.AFTER, -0.14),
 }
@@ -40,7 +40,7 @@ LABELS = {WITHOUT: "without the named effects", WITH: "with them"}
 
 @house_style
 def draw_data(critique: DropsCritique) -> Drawn:
-    """Trials (in the plane), histograms of the states before impact, and reasons for leaving impacts out."""
+    """Draw trials (planar only), histograms of the states before impact, and reasons for leaving impacts out."""
     o = critique.observations
     shown = trials_to_show(critique) if o.space.is_plane else []
     left_out = left_out_impacts(o)["reason"].map(reason_text).value_counts().sort_index().sort_values(kind="stable")
@@ -78,7 +78,7 @@ def draw_data(critique: DropsCritique) -> Drawn:
 
 
 def _left_out(ax: Axes, left_out: pd.Series, used: int) -> list[tuple]:
-    """Bars: impacts left out, by reason, and impacts used."""
+    """Draw bars of the impacts left out, by reason, and of the impacts used."""
     names = [*left_out.index, "used"]
     counts = np.array([*left_out.to_numpy(), used])
     ax.barh(range(len(names)), counts, color=[LEFT_OUT] * len(left_out) + [USED], height=0.7)
@@ -90,7 +90,7 @@ def _left_out(ax: Axes, left_out: pd.Series, used: int) -> list[tuple]:
 
 
 def data_sentence(critique: DropsCritique) -> str:
-    """Numbers of impacts and trials, and how many are used."""
+    """Return a sentence on the numbers of impacts and trials used, and of impacts left out."""
     o = critique.observations
     out = len(left_out_impacts(o))
     text = f"{len(o)} impacts of {len(np.unique(o.trial))} trials are used"
@@ -98,7 +98,7 @@ def data_sentence(critique: DropsCritique) -> str:
 
 
 def trials_to_show(critique: DropsCritique) -> np.ndarray:
-    """Numbers of up to `TRIALS` trials of typical impact counts, from the start, middle and end of the dataset."""
+    """Return up to `TRIALS` trials with typical impact counts, from the start, middle and end of the dataset."""
     source = critique.source
     if source is None or source.trajectories is None or not critique.observations.arcs:
         return np.zeros(0, int)
@@ -109,7 +109,7 @@ def trials_to_show(critique: DropsCritique) -> np.ndarray:
 
 
 def _path(ax: Axes, critique: DropsCritique, trial: int) -> list[tuple]:
-    """One trial in the plane: samples, fitted arcs, outline of the body at each impact, surface."""
+    """Draw one planar trial: samples, fitted arcs, outline of the body at each impact, surface."""
     source, o = critique.source, critique.observations
     searched = o.found.samples
     assert source is not None and searched is not None
@@ -137,7 +137,7 @@ def _path(ax: Axes, critique: DropsCritique, trial: int) -> list[tuple]:
             reach = o.nodes[i, side]
             tau = np.linspace(0.0, reach.min() if side == 0 else reach.max(), 15)
             q = o.value[i, side] + tau[:, None] * o.slope[i, side]
-            # the fit stores a line; gravity's parabola relative to it is added
+            # the fit stores a straight line; the parabola due to gravity relative to it is added
             bow = 0.5 * tau**2 - o.bow[i, side, 0] - o.bow[i, side, 1] * tau
             wall = np.full(len(tau), o.surface[i])
             q += o.rig.fall(State.of(q, np.zeros_like(q), tau, tau, wall)).T * bow[:, None]
@@ -150,14 +150,14 @@ def _path(ax: Axes, critique: DropsCritique, trial: int) -> list[tuple]:
         for wall in walls:
             other = np.add(wall.point, [wall.n[1], -wall.n[0]])
             ax.axline(wall.point, (float(other[0]), float(other[1])), color=GREY, linewidth=0.8)
-        # a wall has no ends: what is seen is the path, and the point by which each wall is named
+        # a wall has no ends: the panel shows the path, and the point that defines each wall
         seen = np.concatenate([np.column_stack([x[shown], y[shown]]), [wall.point for wall in walls]])
         (left, low), (right, high) = seen.min(axis=0) - margin, seen.max(axis=0) + margin
         ax.set(xlim=(left, right), ylim=(low, high))
     else:
         low, high = o.rig.height - 0.4 * margin, y[shown].max() + margin
         left, right = x[shown].min() - margin, x[shown].max() + margin
-        # both axes have one scale in a panel of proportions `PANEL`
+        # both axes have the same scale in a panel of proportions `PANEL`
         wide = max(right - left, PANEL * (high - low))
         ax.axhspan(low, o.rig.height, color="0.9", zorder=0)
         ax.axhline(o.rig.height, color=GREY, linewidth=0.8, zorder=0)
@@ -189,7 +189,7 @@ def _histogram(ax: Axes, name: str, values: np.ndarray, held: np.ndarray) -> lis
 
 @house_style
 def draw_models(table: pd.DataFrame) -> Drawn:
-    """Held-out error and μ of each model, engines as diamonds, bounds of μ as triangles; the best at the top."""
+    """Draw held-out error and μ of each model; engines as diamonds, bounds of μ as triangles, the best at the top."""
     names = list(dict.fromkeys(table["model"]))
     figure = new_figure(height=1.7 + 0.28 * len(names))
     left, right = figure.subplots(1, 2, sharey=True, gridspec_kw={"width_ratios": [1.5, 1.0]})
@@ -201,7 +201,7 @@ def draw_models(table: pd.DataFrame) -> Drawn:
         left.errorbar([row["error"]], [y], xerr=half, fmt="o" if row["kind"] == "law" else "D", **look)
         if row["kind"] == "default":
             continue  # its friction was not measured
-        width = Z95 * np.nan_to_num(row["mu_std"])  # 0 of a friction fitted alone
+        width = Z95 * np.nan_to_num(row["mu_std"])  # 0 if only friction was fitted
         fmt = {"lower": ">", "upper": "<"}.get(row["mu_bound"]) or ("o" if row["kind"] == "law" else "D")
         right.errorbar([row["mu"]], [y], xerr=[width], fmt=fmt, **look)
     floor = float(table["noise_floor"].iloc[0])
@@ -232,10 +232,10 @@ NAMES = ("data", "laws", "budget", "where", "residuals", "flights", "candidates"
 
 @house_style
 def pictures(critique: DropsCritique, tables: Mapping[str, pd.DataFrame], where: Mapping) -> dict[str, Drawn]:
-    """Figures with the tables of the numbers drawn in them, by the names in `NAMES`.
+    """Draw all figures; return them with the tables of the numbers drawn, by the names in `NAMES`.
 
     `tables`: `ladder`, `budget`, `candidates` and `models`; `where`: content of where.json.  The picture of flights is
-    left out without enough of them, those of candidates and models without their tables.
+    omitted if there are too few flights, those of candidates and models without their tables.
     """
     drawn: dict[str, Drawn | None] = {
         "data": draw_data(critique),

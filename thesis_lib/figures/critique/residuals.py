@@ -1,4 +1,4 @@
-"""Residuals against the state, before and after adding effects: of impacts in the contact frame, and of flights.
+"""Figures of residuals against the state, before and after adding effects: impacts in the contact frame, and flights.
 
 Columns of panels are the features on which the components depend most (`critique.results.numbers.dependence`).  All
 impacts and flights are shown, training and held out.  Residuals of flights are accelerations in units of noise
@@ -27,7 +27,7 @@ from thesis_lib.statistics.wording import number
 
 SHOWN_FEATURES = 3
 BINS = 8
-WILD = 5.0  # robust standard deviations
+WILD = 5.0  # robust standard deviations beyond which values are clipped
 LITTLE = 0.05  # share of variance below which a dependence is not mentioned
 LOOKS = {
     "before": {"color": BEFORE, "fmt": "o-", "label": "base law"},
@@ -64,9 +64,9 @@ class Residuals:
 
 @house_style
 def draw_residuals(critique: DropsCritique) -> Drawn | None:
-    """Residuals in the contact frame against the features on which they depend most, before and after the effects.
+    """Draw residuals in the contact frame against the features on which they depend most, before and after effects.
 
-    None where no feature explains `LITTLE` of a component.  In space they are those along the slip before impact
+    None if no feature explains `LITTLE` of a component.  In space, the components are along the slip before impact
     (tangential), across it (lateral) and along the normal.
     """
     o = critique.observations.single
@@ -87,7 +87,7 @@ def draw_residuals(critique: DropsCritique) -> Drawn | None:
 
 @house_style
 def draw_flights(critique: DropsCritique) -> Drawn | None:
-    """Residual accelerations of flights, over noise, against the state at mid-flight; None as above, or in space."""
+    """Draw residual accelerations of flights over noise against the state at mid-flight; None as above, or in space."""
     o = critique.observations
     if not o.space.is_plane:
         return None
@@ -109,9 +109,9 @@ def _fits(critique: DropsCritique) -> dict:
 
 
 def _panels(shown: Residuals) -> tuple[Figure, pd.DataFrame]:
-    """A row of panels for each component that depends on a feature, a column for each such feature.
+    """Draw one row of panels for each component that depends on a feature, and one column for each such feature.
 
-    Returns the plotted means, too, a row for each bin.
+    Also returns the plotted means, with one row for each bin.
     """
     shares, before = shown.shares, shown.values["before"]
     names = features_to_show(shares)
@@ -120,7 +120,7 @@ def _panels(shown: Residuals) -> tuple[Figure, pd.DataFrame]:
     axes = figure.subplots(len(kept), len(names), sharex="col", sharey="row", squeeze=False)
     rows = []
     for row, (i, component) in enumerate(kept):
-        spread = np.quantile(np.abs(before[:, i]), 0.97) or 1.0  # what is not measured has no residual
+        spread = np.quantile(np.abs(before[:, i]), 0.97) or 1.0  # 0 for a component that is not measured
         for j, name in enumerate(names):
             ax = axes[row, j]
             ax.axhline(0.0, color=GREY, linewidth=0.7, zorder=0)
@@ -145,9 +145,9 @@ def _panels(shown: Residuals) -> tuple[Figure, pd.DataFrame]:
 
 
 def features_to_show(shares: pd.DataFrame) -> list[str]:
-    """The feature on which each component depends most, strongest first, then the next strongest features.
+    """Return the feature on which each component depends most, strongest first, then the next strongest features.
 
-    None that explains less than `LITTLE` of every component.
+    Features that explain less than `LITTLE` of every component are left out.
     """
     best = shares.max(axis=1).sort_values(ascending=False, kind="stable")
     first = [shares.loc[component].idxmax() for component in best.index if best[component] >= LITTLE]
@@ -156,7 +156,7 @@ def features_to_show(shares: pd.DataFrame) -> list[str]:
 
 
 def flights_sentence(critique: DropsCritique, shown: Residuals) -> str:
-    """How far flights miss the prediction, and the feature on which that depends most."""
+    """Return a sentence on the misfit of flights, and on the feature on which it depends most."""
     first, last = (float(np.sqrt(critique.ladder[i][2].sigmas["flight"])) for i in (0, -1))
     sentence = _strongest(shown)
     if not np.isfinite(first):  # no flight is held out
@@ -168,7 +168,7 @@ def flights_sentence(critique: DropsCritique, shown: Residuals) -> str:
 
 
 def _strongest(shown: Residuals) -> str:
-    """The component and feature of the strongest dependence, before and after; '' if all are weak."""
+    """Return a sentence on the strongest dependence, before and after the effects; '' if all are weak."""
     shares = shown.shares
     component, name = shares.stack().idxmax()
     share = float(shares.loc[component, name])
@@ -184,7 +184,7 @@ def _strongest(shown: Residuals) -> str:
 
 
 def _binned(x: np.ndarray, y: np.ndarray) -> pd.DataFrame:
-    """Mean of y (n,) with its standard error in quantile bins of x (n,); outliers in a bin are clipped."""
+    """Return the mean of y (n,) with its standard error in quantile bins of x (n,); outliers in a bin are clipped."""
     label = bin_of(x, BINS)
     table = pd.DataFrame({"x": x, "y": y})
     centre = table.groupby(label)["y"].transform("median")

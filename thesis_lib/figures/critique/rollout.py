@@ -1,17 +1,17 @@
-"""How far predicted tosses in space go off the measured ones: against time, and against the number of hits."""
+"""Figure of the errors of predicted tosses in space: against time, and against the number of hits."""
 
 import pandas as pd
 
 from thesis_lib.figures.style import BLUE, GREY, Drawn, house_style, new_figure
 
-AXES = {"t": "time since the first frame (s)", "hits": "hits until then, as predicted"}
-PANELS = {"place": "error of the place (m)", "turn": "error of the attitude (rad)"}
-LOOK = {"model": (BLUE, "model"), "floor": (GREY, "floor: the initial state alone")}
+AXES = {"t": "time since the first frame (s)", "hits": "number of predicted hits so far"}
+PANELS = {"place": "position error (m)", "turn": "attitude error (rad)"}
+LOOK = {"model": (BLUE, "model"), "floor": (GREY, "floor: error of the initial state")}
 
 
 @house_style
 def draw_rollout(table: pd.DataFrame) -> Drawn:
-    """Mean errors with 95 % intervals, of `Rollout.curve`."""
+    """Draw the mean errors of `Rollout.curve` with 95 % intervals."""
     by = "t" if "t" in table else "hits"
     figure = new_figure(height=2.6)
     for ax, (name, label) in zip(figure.subplots(1, 2), PANELS.items()):

@@ -1,8 +1,8 @@
-"""Where a model fails: maps of the error before and after adding effects.
+"""Figure of where a model fails: maps of the error before and after adding effects.
 
 Maps show all impacts, training and held out, over the two features of the worst region of where.json (by default the
-contact point's velocity before impact) and over the energy disc (`critique.results.numbers`), in space over the
-directions in which the body is hit.  Means in titles are of held-out impacts.
+contact point's velocity before impact) and over the energy disc (`critique.results.numbers`); in space, over the
+direction of the contact point from the centre of mass.  Means in titles are of held-out impacts.
 """
 
 import textwrap
@@ -38,7 +38,7 @@ REGION_COLORS = ("#CC0000", BLUE, "black")
 
 
 def inside(region: Mapping, table: pd.DataFrame) -> np.ndarray | None:
-    """Mask (n,) of the impacts in a region; None if it uses a feature that `table` (n rows) lacks."""
+    """Return the mask (n,) of the impacts in a region; None if it uses a feature that `table` (n rows) lacks."""
     conditions = [Condition(**one) for one in region["conditions"]]
     if any(one.feature not in table for one in conditions):
         return None
@@ -46,16 +46,16 @@ def inside(region: Mapping, table: pd.DataFrame) -> np.ndarray | None:
 
 
 def map_axes(regions: Sequence[Mapping]) -> tuple[str, str]:
-    """The two features over which errors are mapped: those of the worst region, by default v_t and v_n."""
+    """Return the two features over which errors are mapped: from the worst region, by default v_t and v_n."""
     named = [condition["feature"] for condition in regions[0]["conditions"]] if regions else []
     named = sorted(dict.fromkeys([*named, "v_t", "v_n"][: max(2, len(set(named)))]), key=list(FEATURE_LABEL).index)
     return named[0], (named[1] if len(named) > 1 else "v_n")
 
 
 def boxes_of(region: Mapping, axes: tuple[str, str], box: Box) -> list[Box] | None:
-    """Rectangles (low, high of the first feature, low, high of the second) within `box` that a region covers.
+    """Return rectangles (low, high of the first feature, low, high of the second) within `box` that a region covers.
 
-    None if the region uses other features than the two of `axes`.
+    None if the region uses features other than the two in `axes`.
     """
     boxes = [box]
     for condition in region["conditions"]:
@@ -74,7 +74,7 @@ def boxes_of(region: Mapping, axes: tuple[str, str], box: Box) -> list[Box] | No
 
 @house_style
 def draw_where(critique: DropsCritique, where: Mapping) -> Drawn:
-    """Maps of the error over (v_t, v_n), and over the energy disc or the body, before and after the effects."""
+    """Draw maps of the error over (v_t, v_n), and over the energy disc or the body, before and after the effects."""
     o = critique.observations.single
     base, final = critique.ladder[0][1], critique.ladder[-1][1]
     table = features(base, o)
@@ -127,32 +127,32 @@ def draw_where(critique: DropsCritique, where: Mapping) -> Drawn:
 
 
 def top_of(error: np.ndarray) -> float:
-    """Where the scale of the errors (n,) ends, in m/s."""
+    """Return the upper end in m/s of the scale of the errors (n,)."""
     return max(float(np.quantile(error, DARK)), 1e-12)
 
 
 def around_body(fitted: Fit, observations: Observations) -> np.ndarray:
-    """Direction (n, 2) in degrees of the contact points from the centre of mass, in the axes of the body in space."""
+    """Return the direction (n, 2) in degrees of the contact points from the centre of mass, in axes of the body."""
     before, _ = fitted.on(observations).at_impulse
     x, y, z = before.space.turned_back(before.attitude, observations.rig.lowest(before))
     return np.degrees(np.stack([np.arctan2(y, x), np.arctan2(z, np.hypot(x, y))], axis=1))
 
 
 def region_text(region: Mapping) -> str:
-    """A region in words and numbers."""
+    """Return the description of a region in words and numbers."""
     text = plain_rule(region)
     if region["ratio"] is not None and region["ratio"] > 1.0:
         on = "held-out" if region["on"] == "held_out" else "all"
         text += f": {number(region['ratio'], 2)} times the error elsewhere (of {on} impacts)"
     else:
-        text += ": larger over what the noise allows there than elsewhere"
+        text += ": a larger error, relative to the noise there, than elsewhere"
     return f"{text}, {100 * region['support']:.0f} % of impacts (p = {number(region['p_value'], 2)})"
 
 
 def where_sentence(critique: DropsCritique, regions: Sequence[Mapping]) -> str:
-    """Where the base law fails, and how much of the error the effects remove."""
+    """Return a sentence on where the base law fails, and how much of the error the effects remove."""
     if not regions:
-        return "The error of the base law is spread over all states: no rule marks a region in which it is larger"
+        return "The error of the base law is spread over all states: no region was found in which it is larger"
     text = f"The base law fails most where {plain_rule(regions[0])}"
     ratio = regions[0]["ratio"]
     if ratio is not None and ratio > 1.0:
@@ -160,12 +160,12 @@ def where_sentence(critique: DropsCritique, regions: Sequence[Mapping]) -> str:
     if len(critique.ladder) > 1:
         before, after = (critique.ladder[i][2].error.mean() for i in (0, -1))
         fall = 1.0 - after / before
-        text += f"; the effects take {100 * fall:.0f} % of the held-out error away" if fall > 0.02 else ""
+        text += f"; the effects remove {100 * fall:.0f} % of the held-out error" if fall > 0.02 else ""
     return text
 
 
 def _tiles(ax: Axes, x: np.ndarray, y: np.ndarray, error: np.ndarray, top: float, extent=None):
-    """Hexagons with the mean error of their impacts; fewer impacts give larger hexagons."""
+    """Draw hexagons with the mean error of their impacts; fewer impacts give larger hexagons."""
     size = int(np.clip(0.85 * np.sqrt(len(x)), 7, 24))
     if extent is None:
         # a few remote impacts must not shrink the map of the others
@@ -178,7 +178,7 @@ def _tiles(ax: Axes, x: np.ndarray, y: np.ndarray, error: np.ndarray, top: float
 
 
 def _on_disc(ax: Axes, disc: np.ndarray, error: np.ndarray, top: float) -> None:
-    """Tiles over the energy disc (n, 2), with its circle and the names of its points."""
+    """Draw tiles over the energy disc (n, 2), with its circle and the names of its points."""
     _tiles(ax, disc[:, 0], disc[:, 1], error, top, extent=(-1.25, 1.25, -1.25, 1.25))
     turn = np.linspace(0.0, 2.0 * np.pi, 181)
     ax.plot(np.cos(turn), np.sin(turn), color=INK, linewidth=0.9)
@@ -191,7 +191,7 @@ def _on_disc(ax: Axes, disc: np.ndarray, error: np.ndarray, top: float) -> None:
 
 
 def _on_body(ax: Axes, direction: np.ndarray, error: np.ndarray, top: float) -> None:
-    """The mean error at each place of the body that was hit, in degrees (n, 2); larger marks for more impacts."""
+    """Draw the mean error in each direction (n, 2) in degrees of a contact point; larger marks for more impacts."""
     place, of, count = np.unique(np.round(direction), axis=0, return_inverse=True, return_counts=True)
     mean = np.bincount(of.ravel(), error) / count
     look = {"cmap": "cividis_r", "vmin": 0.0, "vmax": top, "edgecolors": INK, "linewidths": 0.4}
@@ -201,7 +201,7 @@ def _on_body(ax: Axes, direction: np.ndarray, error: np.ndarray, top: float) -> 
 
 
 def _outline(ax: Axes, regions: Sequence[Mapping], over: tuple[str, str]) -> None:
-    """Numbered rectangles around the regions described by the two features of the map."""
+    """Draw numbered rectangles around the regions that the two features of the map describe."""
     (x_low, x_high), (y_low, y_high) = ax.get_xlim(), ax.get_ylim()
     for i, region in enumerate(regions):
         color = REGION_COLORS[i % len(REGION_COLORS)]
@@ -213,6 +213,6 @@ def _outline(ax: Axes, regions: Sequence[Mapping], over: tuple[str, str]) -> Non
 
 
 def axis_label(feature: str) -> str:
-    """Name, symbol and unit of a feature."""
+    """Return name, symbol and unit of a feature."""
     unit, _ = FEATURES[feature]
     return FEATURE_LABEL[feature] if unit == "1" else f"{FEATURE_LABEL[feature]} ({unit})"

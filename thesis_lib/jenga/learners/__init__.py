@@ -1,1 +1,1 @@
-"""Learners of the push: hierarchical model abstractions and the baselines."""
+"""Learned models of pushing a block: hierarchical model abstractions and the baselines."""

@@ -1,13 +1,14 @@
-"""Judging the abstractions: their looks, their agreement with the hidden label, and the need for a new one.
+"""Evaluation of the abstractions: their mean features, their agreement with the hidden label, the need for a new one.
 
-Stuck or free is decided from the first steps, without truth.  An abstraction counts as stuck if its block moves less
-than half of the advance or drags the tower along (`stuck_group`: `mixture.NO_MOVE`, `mixture.DRAG`; without any force
-there is no block).  A push is stuck if those abstractions hold more than half of the belief.  Only the comparison,
+A push is called stuck or free after its first steps, without the true label.  An abstraction counts as stuck if its
+block moves by less than half of the advance or drags the tower along (`stuck_group`: `mixture.NO_MOVE`, `mixture.DRAG`;
+without any force there is no block).  A push is called stuck if these abstractions hold more than half of the belief.
+The true label (`truth`) is used only to compute the
 
-    balanced accuracy = ½ (share of stuck pushes called stuck + share of free pushes called free),
+    balanced accuracy = ½ (share of stuck pushes called stuck + share of free pushes called free)
 
-and the adjusted Rand index of abstractions against truth (Hubert and Arabie 1985, doi 10.1007/BF01908075) use `truth`.
-Intervals resample pushes, stuck and free ones separately.
+and the adjusted Rand index of abstractions against truth (Hubert and Arabie 1985, doi 10.1007/BF01908075).  Intervals
+resample pushes, stuck and free pushes separately.
 
 Predictive check (Box): residuals of each sample under the nearest abstraction among those with belief above `PLAUSIBLE`
 from the push so far,
@@ -16,22 +17,21 @@ from the push so far,
     D²_j = Σ_d (v_jd − m_d)² / (τ_d² + σ_d²/n_j);   p_j = (1 + reference pushes with D ≥ D_j) / (1 + reference pushes)
 
 with r (n, 6) in the dimensions `learner.SEEN`, and mean m, variance τ² between and σ² within reference pushes of the
-known tower that were not learned from.  A push fails if p_j ≤ `LEVEL`: D is ranked because slips give it no known
-distribution.  Whether all pushes together deviate is tested by permuting both sets, with the mean of D² (the tail
-counts: an effect touches only some blocks).
+known tower that were not used in training.  A push fails if p_j ≤ `LEVEL`; D is ranked because slips leave its
+distribution unknown.  Whether all pushes together deviate is tested by permuting both sets, with the mean of D² (which
+is sensitive to the tail: an effect changes only some blocks).
 
-A new abstraction gets a normal component for the windows of the failing pushes, and a network that starts as their
-nearest one, with the shared prior of all.  Earlier abstractions stay unchanged.
+A new abstraction gets a normal component for the windows of the failing pushes, and a network that is initialised with
+the nearest existing network and shares the prior of all.  Earlier abstractions stay unchanged.
 
-The probability of no move (`no_move`) is, of a learner with abstractions (HMA, MOR), the belief in those that count as
-stuck.  A single network has none; it says what it predicts of the next straight push, by the same rule on the same
-features,
+For a learner with abstractions (HMA, MOR), the probability of no move (`no_move`) is the belief in the stuck ones.  A
+single network has no abstractions; the same rule is then applied to the features predicted for the next straight push:
 
     p = 1 − (1 − P(m < m₀) P(f ≥ f₀)) (1 − P(d > d₀)),   m, f, d: advance of the block, force, advance of the tower
 
-with independent normal m, f and d.  Both are 0 to 1, and the controller charges their growth alike.
+with independent normal m, f and d.  Both lie in 0 to 1, and the controller penalises their growth in the same way.
 
-All of these are own choices: the thesis judges abstractions by eye (figure 5-8).
+All these criteria are own choices: the thesis judges abstractions by eye (figure 5-8).
 """
 
 from copy import copy
@@ -50,14 +50,14 @@ from thesis_lib.jenga.learners.networks import BayesianNetworks, train
 from thesis_lib.jenga.robot.samples import F_N, FREE, STATE, STUCK, TOWER, UNKNOWN, PushSamples, X
 
 PLAUSIBLE = 0.05  # belief below which an abstraction cannot explain a sample
-LEVEL = 0.05  # of the predictive check, for a push and for all together
+LEVEL = 0.05  # significance level of the predictive check, for one push and for all together
 PERMUTATIONS, RESAMPLES = 2000, 1000
-FIRST = 5  # samples of a push from which stuck or free is decided
+FIRST = 5  # samples of a push after which it is called stuck or free
 ENOUGH = 20  # reference pushes: with fewer, no p-value of a push can reach the level
 
 
 def stuck_group(learner: Hma) -> np.ndarray:
-    """Which abstractions count as stuck by the module's rule, (K,) bool."""
+    """Mask (K,) of the abstractions that count as stuck by the module's rule."""
     look = learner.look
     still = (look["move"] < NO_MOVE) & (look["force"] >= NO_FORCE)
     return still | (look["drag"] > DRAG)
@@ -81,7 +81,7 @@ def infer_first_steps(learner: Learner, samples: PushSamples, steps: int = FIRST
     """First row (m,) of each push with `steps` samples or more, and the belief (m, K) after them; UserError if none."""
     rows = np.array([rows[:steps] for rows in push_groups(samples) if len(rows) >= steps])
     if not len(rows):
-        raise UserError(f"no push has {steps} samples; give fewer steps or longer pushes.")
+        raise UserError(f"no push has {steps} samples; use fewer steps or collect longer pushes.")
     *_, (*_, belief) = along_pushes(learner, samples.select(rows.ravel()))
     return rows[:, 0], belief
 
@@ -89,7 +89,7 @@ def infer_first_steps(learner: Learner, samples: PushSamples, steps: int = FIRST
 def agreement(
     learner: Hma, samples: PushSamples, rng: np.random.Generator, steps: int = FIRST
 ) -> dict[str, float | int]:
-    """How well the first `steps` samples of a push tell stuck from free.
+    """Agreement with the true label after the first `steps` samples of each push.
 
     balanced_accuracy with low and high (95 %), rand_index, n_stuck, n_free (pushes).  UserError if no push of known
     truth is long enough, or all have the same truth.
@@ -102,7 +102,7 @@ def agreement(
     called = belief[:, stuck_group(learner)].sum(axis=1) > 0.5
     right = {kind: (called == (kind == STUCK))[truth == kind].astype(float) for kind in (FREE, STUCK)}
     if min(map(len, right.values())) == 0:
-        raise UserError("agreement with truth needs stuck and free pushes; these samples have one kind only.")
+        raise UserError("agreement with truth needs stuck and free pushes, but these samples contain only one kind.")
     draws = [rng.choice(part, (RESAMPLES, len(part))).mean(axis=1) for part in right.values()]
     low, high = np.quantile(np.mean(draws, axis=0), [0.5 - 0.95 / 2, 0.5 + 0.95 / 2])
     return {
@@ -140,22 +140,22 @@ def residuals(learner: Learner, samples: PushSamples) -> tuple[np.ndarray, np.nd
 def predictive_check(
     learner: Learner, samples: PushSamples, reference: PushSamples, rng: np.random.Generator
 ) -> tuple[pd.DataFrame, float]:
-    """Which pushes the learned abstractions do not explain, and the p-value of all pushes together.
+    """Table that marks the pushes that no learned abstraction explains, and the p-value of all pushes together.
 
     A row per push: push, tower, block, layer, side, steps, distance (D), p_value, fails, abstraction (most frequent),
-    worst (the dimension of the state with the largest term of D²).  `reference` are samples of the known tower that
-    were not learned from.  A new abstraction is needed if all pushes together deviate too much (p-value below `LEVEL`).
+    worst (the dimension of the state with the largest term of D²).  `reference` holds samples of the known tower that
+    were not used in training.  A new abstraction is needed if all pushes together deviate (p-value below `LEVEL`).
     UserError for fewer than `ENOUGH` reference pushes.
     """
     known, reference_values, within = _per_push(learner, reference)
     if len(known) < ENOUGH:
         raise UserError(
-            f"the predictive check needs at least {ENOUGH} reference pushes, got {len(known)}; hold more back."
+            f"the predictive check needs at least {ENOUGH} reference pushes, got {len(known)}; hold out more pushes."
         )
     table, values, _ = _per_push(learner, samples)
     sizes = known["steps"].to_numpy()
     square = _square(values, table["steps"].to_numpy(), reference_values, sizes, within)
-    # a reference push is compared with the others only: with itself included it would lie too near
+    # a reference push is compared with the others only: including itself would make its distance too small
     reference_square = np.vstack(
         [
             _square(reference_values[[j]], sizes[[j]], np.delete(reference_values, j, 0), np.delete(sizes, j), within)
@@ -200,13 +200,13 @@ def _per_push(learner: Learner, samples: PushSamples) -> tuple[pd.DataFrame, np.
 def with_new_abstraction(learner: Hma, samples: PushSamples, rng: np.random.Generator) -> Hma:
     """A copy of the learner with one more abstraction, learned from `samples` of failing pushes.
 
-    Its share is 1/(K + 1), because the number of blocks that it holds for is unknown.  UserError for fewer than
+    Its share is 1/(K + 1), because the number of blocks to which it applies is unknown.  UserError for fewer than
     `MIN_SAMPLES` samples, or a learner without a window mixture (one-shot).
     """
     if learner.mixture is None:
         raise UserError("a new abstraction needs the two-step learner (one_shot: false).")
     if len(samples) < MIN_SAMPLES:
-        raise UserError(f"a new abstraction needs {MIN_SAMPLES} samples of pushes that fail, got {len(samples)}.")
+        raise UserError(f"a new abstraction needs {MIN_SAMPLES} samples of failing pushes, got {len(samples)}.")
     config, old, nets = learner.settings, learner.mixture, learner.networks
     k, c = learner.n_abstractions, len(old.weights)
     features = windows(samples, config.window)

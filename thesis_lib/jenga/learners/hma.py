@@ -1,18 +1,18 @@
-"""Hierarchical model abstractions: first the abstractions of pushes, then the physics of each.
+"""Hierarchical model abstractions (HMA): first the pushes are clustered, then a model is learned for each cluster.
 
     1. top-down:   c | windows                    (`mixture`: Dirichlet process, merged)
     2. bottom-up:  s_{t+1} | s_t, a_t, c = k      (`networks`, weighted with p(c_i = k | push))
     3. noise:      z_t | s_t ~ Normal(s_t, Σ_z)   (equation 5.6; from the residuals of 2)
     4. belief:     b_{t+1} as in `learner`, where p(z_{t+1} | s_t, a_t, k) is the network's prediction times the window
-                   mixture of one step: in full at the first step of a push, when no state yet tells blocks apart, and
+                   mixture of one step: in full at the first step of a push, when no state yet distinguishes blocks, and
                    to the power `emission_weight` later
 
-Σ_z.  Networks are trained on readings and so predict readings.  The sensors' part of their error follows from the
+Σ_z.  Networks are trained on readings and so predict readings.  The sensor noise in their error is estimated from the
 second differences e_t of a push's readings, less the mean change of the abstraction (process noise white, variance q):
 Cov(e_t, e_t) = 6 Σ_z + 2q,  Cov(e_t, e_{t+1}) = −4 Σ_z − q,  Cov(e_t, e_{t+2}) = Σ_z,  solved by least squares for
-Σ_z, q ≥ 0.  Where a state is read again before the next step, half the variance between both readings is added (by the
-median: contact at a new place changes some forces for good).  Immediate effects of an action (f_t) look like noise in
-differences, so the networks' error, which holds the noise of z_{t+1} in full, is the upper bound.
+Σ_z, q ≥ 0.  Where a state is read again before the next step, half the variance between both readings is added (from
+the median: contact at a new place changes some forces for good).  Immediate effects of an action (f_t) resemble noise
+in differences; the upper bound is therefore the networks' error, which contains the full noise of z_{t+1}.
 
 One-shot (ablation; `one_shot`): responsibilities start at random and alternate with the networks, without windows.
 
@@ -40,12 +40,12 @@ from thesis_lib.jenga.learners.mixture import WindowMixture, describe, fit_mixtu
 from thesis_lib.jenga.learners.networks import BayesianNetworks, train
 from thesis_lib.jenga.robot.samples import ADVANCE, PushSamples
 
-FIRST_STEP = 0.5  # mm of advance, below which the state does not yet tell blocks apart
+FIRST_STEP = 0.5  # mm of advance below which the state does not yet distinguish blocks
 PRIOR_PUSHES = 2.0  # weight of π in the initial belief, in pushes
 
 
 class Hma(Learner):
-    """The learner of the thesis.
+    """Hierarchical model abstractions, the learner of the thesis.
 
     Once fitted: mixture (None in one shot), networks; noise, the diagonal of Σ_z (7,), mm² and N²; resp (n, K), p(c |
     push) of the training samples; look and names of the abstractions, from `mixture.describe` and `mixture.names_of`.
@@ -83,7 +83,7 @@ class Hma(Learner):
     def _one_shot(
         self, samples: PushSamples, inputs: np.ndarray, outputs: np.ndarray, seed: int, rng: np.random.Generator
     ) -> None:
-        """Alternate responsibilities of whole pushes with networks, from random responsibilities."""
+        """Alternate between updating responsibilities of whole pushes and networks, from random responsibilities."""
         config, k = self.settings, self.settings.mixture.max_abstractions
         _, push = np.unique(samples.push, return_inverse=True)
         self.resp = rng.dirichlet(np.full(k, 0.5), push.max() + 1)[push]
@@ -100,7 +100,7 @@ class Hma(Learner):
         self.networks = train(inputs, outputs, self.resp, config.network, seed)
 
     def _noise(self, samples: PushSamples) -> np.ndarray:
-        """Σ_z (7,), mm² and N², by the module's moments."""
+        """Diagonal of Σ_z (7,), mm² and N², from the moments in the module's docstring."""
         from scipy.optimize import nnls
 
         change = samples.next_state - samples.state
@@ -124,14 +124,14 @@ class Hma(Learner):
         return np.clip(shared + reread, SMALLEST**2, np.maximum(most, SMALLEST**2))
 
     def predict(self, state: np.ndarray, action: np.ndarray, context: np.ndarray, belief: np.ndarray) -> PushPrediction:
-        """Next reading for each abstraction."""
+        """Predict the next reading for each abstraction."""
         mean, var = self.networks.predict(self.scaling.inputs(state, action, context))
         weight = mix(belief, self.settings.belief.stay, self.shares)
         mean = self.scaling.next_state(state[:, None], mean)
         return PushPrediction(mean, lambda: self.scaling.change**2 * var(), weight)
 
     def at_mean(self) -> "Hma":
-        """A copy that predicts with mean weights alone, as `showcase_nuts` does."""
+        """Copy that predicts with the mean weights alone, as `showcase_nuts` does."""
         other = copy(self)
         other.networks = self.networks.at_mean()
         return other

@@ -5,10 +5,10 @@
     update:   S = P⁻ + Σ_z,  G = P⁻ S⁻¹,  m = m⁻ + G (z − m⁻),  P = (I − G) P⁻ (I − G)ᵀ + G Σ_z Gᵀ
     weight:   b(k) ∝ b(k) Normal(z; m⁻, S)
 
-Learners predict readings from readings, with variance Q + 2 Σ_z if f is the identity plus a nearly constant change; so
+Learners predict readings from readings, with variance Q + 2 Σ_z if f is the identity plus a nearly constant change, so
 Q = max(var − 2 Σ_z, `LEAST` var).  The prior of the first state (equation 5.3) is flat, so the first reading is its
-mean and Σ_z its covariance.  An abstraction lasts the whole push (the thesis's plate); the weights are exact for linear
-f_k.
+mean and Σ_z its covariance.  One abstraction holds for the whole push (the thesis's plate).  The weights are exact for
+linear f_k.
 
 Source: thesis, section 5.5.4 (which samples by Hamiltonian Monte Carlo: `showcase_nuts`); the bank: Magill 1965,
 doi 10.1109/TAC.1965.1098191.
@@ -26,7 +26,7 @@ STEP = np.array([0.1, 0.1, 0.1, 0.02, 0.02, 0.1, 0.1])
 
 
 def process_variance(var: Any, noise: Any, xp: Any = np) -> Any:
-    """Q (…, 7), mm² and N², from the variance of a predicted reading (…, 7) and Σ_z (7,)."""
+    """Process noise Q (…, 7), mm² and N², from the variance of a predicted reading (…, 7) and Σ_z (7,)."""
     return xp.maximum(var - 2.0 * noise, LEAST * var)
 
 

@@ -1,4 +1,4 @@
-"""The interface of all learners of the push dynamics, with their common scaling and windows.
+"""Common interface of all learners of the push dynamics, with their scaling and windows.
 
     s_{t+1} = s_t + Δ,   Δ | s_t, a_t, c = k  ~  Normal(μ_k, Σ_k)        (learners predict changes; equation 5.5)
     b_{t+1}(k) ∝ p(z_{t+1} | s_t, a_t, k) Σ_j b_t(j) P(k | j),   P(k | j) = ρ δ_jk + (1 − ρ) π_k
@@ -21,7 +21,7 @@ force, rise of force, the block's displacement per advance, lag as a share of th
 per advance.  The window of sample i is the up to D samples of the push that end with i.
 
 The likelihood omits `advance`, which the robot controls.  Each other dimension may be an outlier (`BeliefSettings`):
-otherwise one stick-slip jump would settle a belief for good.
+otherwise a single stick-slip jump would fix the belief for the rest of the push.
 
 Source: thesis, section 5.3 and figure 5-3 (equations 5.1 to 5.10 are the lines of section 5.3.1, in their order);
 N. Fazeli et al. 2019, doi 10.1126/scirobotics.aav3123.
@@ -46,14 +46,14 @@ FEATURES = ("force", "rise", "move", "lag", "drag")
 LEVELS = ("force", "lag")
 CLIP = 4.0
 MIN_SAMPLES = 20
-LAG_START = 3.0  # mm added to the advance in the lag's share: the first poses of a push are the noisiest
+LAG_START = 3.0  # mm added to the advance in the denominator of the lag: the first poses of a push are the noisiest
 # mm, N: below the resolution of all sensors; avoids division by zero in a constant dimension
 SMALLEST = np.array([0.02, 0.02, 0.02, 0.01, 0.01, 0.01, 0.02])
 
 
 @dataclass(frozen=True)
 class PushPrediction:
-    """Next state for each abstraction: mean (n, K, 7) in mm and N, weight (n, K); `variance` is var, or computes it."""
+    """Next state by abstraction: mean (n, K, 7), mm, N; weight (n, K); `variance`: var or a function returning it."""
 
     mean: np.ndarray
     variance: np.ndarray | Callable[[], np.ndarray]
@@ -61,7 +61,7 @@ class PushPrediction:
 
     @cached_property
     def var(self) -> np.ndarray:
-        """(n, K, 7), mm² and N²; computed when it is first asked for, as the controller asks for means alone."""
+        """Variance (n, K, 7), mm² and N²; computed on first access only: the controller needs just the means."""
         return self.variance() if callable(self.variance) else self.variance
 
     def moments(self) -> tuple[np.ndarray, np.ndarray]:
@@ -87,13 +87,13 @@ class Scaling:
 
     @classmethod
     def of(cls, samples: PushSamples, force_scale: float, with_context: bool) -> "Scaling":
-        """Scaling by these samples; UserError for fewer than `MIN_SAMPLES`."""
+        """Scaling estimated from these samples; UserError for fewer than `MIN_SAMPLES`."""
         if len(samples) < MIN_SAMPLES:
             raise UserError(f"a learner needs at least {MIN_SAMPLES} samples, got {len(samples)}; collect more pushes.")
         raw = raw_inputs(samples.state, samples.action, samples.context, force_scale, with_context)
         change = samples.next_state - samples.state
         spread = raw.std(axis=0)
-        # an input constant in training carries no information: unit spread keeps it from blowing up later
+        # an input that is constant in training carries no information: unit spread avoids huge values later
         return cls(
             raw.mean(axis=0),
             np.where(spread > 1e-6, spread, 1.0),
@@ -136,7 +136,7 @@ class Learner(ABC):
         return len(self.shares)
 
     def scale(self, samples: PushSamples) -> tuple[np.ndarray, np.ndarray]:
-        """Set `scaling` by these samples; their scaled inputs (n, d) and outputs (n, 7)."""
+        """Set `scaling` from these samples and return their scaled inputs (n, d) and outputs (n, 7)."""
         self.scaling = Scaling.of(samples, self.settings.window.force_scale, self.settings.context)
         inputs = self.scaling.inputs(samples.state, samples.action, samples.context)
         return inputs, self.scaling.outputs(samples.state, samples.next_state)
@@ -147,7 +147,7 @@ class Learner(ABC):
 
     @abstractmethod
     def predict(self, state: np.ndarray, action: np.ndarray, context: np.ndarray, belief: np.ndarray) -> PushPrediction:
-        """Next reading for each abstraction; rows (n, ·) as in the module's table, context (n, 2)."""
+        """Predict the next reading for each abstraction; rows (n, ·) as in the module's table, context (n, 2)."""
 
     def initial_belief(self, context: np.ndarray) -> np.ndarray:
         """Belief (n, K) before contact."""
@@ -164,7 +164,7 @@ class Learner(ABC):
 def raw_inputs(state: Any, action: Any, context: Any, force_scale: float, with_context: bool, xp: Any = np) -> Any:
     """Inputs (n, 9), or (n, 11) with context, before standardisation; `force_scale` in N."""
     x, y, yaw, f_n, f_t, advance, tower = (state[..., i] for i in range(7))
-    # root of a length (mm) that noise may make negative, with slope 1 at zero
+    # square root of a length (mm) that noise may make negative, with slope 1 at zero
     root = 2.0 * xp.sign(tower) * (xp.sqrt(xp.abs(tower) + 1.0) - 1.0)
     forces = [xp.arcsinh(f_n / force_scale), xp.arcsinh(f_t / force_scale)]
     columns = [advance - x, y, yaw, *forces, advance, root, action[..., 0], action[..., 1]]
@@ -203,8 +203,8 @@ def push_groups(samples: PushSamples) -> list[np.ndarray]:
 def along_pushes(
     learner: Learner, samples: PushSamples
 ) -> Iterator[tuple[np.ndarray, tuple[np.ndarray, ...], np.ndarray, np.ndarray]]:
-    """Step by step of all pushes at once: rows (m,) of their samples, state, action and context there, belief (m, K)
-    before the sample and after it."""
+    """Iterate over the steps of all pushes in parallel: rows (m,) of the samples; their state, action and context; and
+    the belief (m, K) before and after the sample."""
     groups = push_groups(samples)
     belief = learner.initial_belief(samples.context[[rows[0] for rows in groups]])
     for t in range(max(map(len, groups), default=0)):
@@ -218,7 +218,7 @@ def along_pushes(
 def log_likelihood(
     mean: np.ndarray, var: np.ndarray, observed: np.ndarray, settings: BeliefSettings, seen: Sequence[int] = SEEN
 ) -> np.ndarray:
-    """Log density (n, K) of the `seen` of `observed` (n, 7) under each abstraction, with mean and var (n, K, 7)."""
+    """Log density (n, K) of the `seen` dimensions of `observed` (n, 7) for each abstraction; mean, var (n, K, 7)."""
     dims = list(seen)
     var = var[..., dims]
     square = (observed[:, None, dims] - mean[..., dims]) ** 2 / var
@@ -231,10 +231,10 @@ def log_likelihood(
 
 
 def bayes(belief: np.ndarray, log_like: np.ndarray) -> np.ndarray:
-    """Posterior (n, K) of prior `belief` and log likelihood (n, K)."""
+    """Posterior (n, K) from the prior `belief` and the log likelihood (n, K)."""
     return softmax(np.log(np.maximum(belief, 1e-300)) + log_like, axis=1)
 
 
 def mix(belief: np.ndarray, stay: float, weights: np.ndarray) -> np.ndarray:
-    """Belief (n, K) a step later: the abstraction lasts with probability `stay` or is drawn from `weights` (K,)."""
+    """Belief (n, K) one step later: the abstraction stays with probability `stay` or is redrawn from `weights` (K,)."""
     return stay * belief + (1.0 - stay) * weights

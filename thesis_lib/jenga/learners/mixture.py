@@ -1,4 +1,4 @@
-"""Top-down step: a Dirichlet-process mixture over windows of pushes, merged to a few abstractions.
+"""Top-down step of HMA: a Dirichlet-process mixture over windows of pushes, merged into a few abstractions.
 
     π | α ~ GEM(α),   u_i | π ~ Multi(π)         (windows; thesis, equations 5.1 and 5.2, by the sticks of 5.7)
     x_i | u_i ~ Normal(m_{u_i}, S_{u_i})                                       (Gaussians; thesis, section 5.3.2)
@@ -14,8 +14,8 @@
 | η     | `shares`      | 1    | (K,)      | share of each abstraction                                    |
 
 Pushes are not Gaussian (a rising force is a curve), so the process needs a dozen components for four behaviours, and
-the first windows of a hard and of a stuck block share a component.  So components are the words and abstractions the
-topics of the thesis's analogy (section 5.3.3), with a push as the document: p(x | k) = Σ_u φ_ku N_u(x).
+the first windows of a hard and of a stuck block share a component.  Components are the words, and abstractions the
+topics, of the thesis's analogy (section 5.3.3), with a push as the document: p(x | k) = Σ_u φ_ku N_u(x).
 
 Merging criterion (own choice): each push starts as an abstraction, and pairs are merged while the integrated
 complete-data likelihood grows.  It has a closed form in counts n_ku of words (Dirichlet-multinomial) and m_k of pushes,
@@ -39,7 +39,7 @@ from scipy.special import gammaln, softmax
 from thesis_lib.jenga.learners.learner import FEATURES
 from thesis_lib.jenga.learners.settings import MixtureSettings
 
-# Limits of the names (own choices): N; block per advance; tower per advance, as in the criterion of a movable block
+# Thresholds of the names (own choices): N; block per advance; tower per advance, as in the criterion of a movable block
 # (1 mm in 6 mm, `settings.MovableSettings`); N between easy and hard
 NO_FORCE, NO_MOVE, DRAG, HARD = 0.02, 0.5, 1.0 / 6.0, 0.5
 
@@ -85,7 +85,7 @@ def _log_mix(parts: np.ndarray, weights: np.ndarray) -> np.ndarray:
 def fit_mixture(
     features: np.ndarray, push: np.ndarray, settings: MixtureSettings, rng: np.random.Generator
 ) -> WindowMixture:
-    """Dirichlet-process components of features (n, 5), merged to abstractions of pushes (n,)."""
+    """Fit Dirichlet-process components to features (n, 5) and merge them into abstractions of pushes (n,)."""
     from sklearn.mixture import BayesianGaussianMixture
 
     centre, spread = features.mean(axis=0), np.maximum(features.std(axis=0), 1e-3)
@@ -100,7 +100,7 @@ def fit_mixture(
         random_state=int(rng.integers(2**31)),
     )
     with warnings.catch_warnings():
-        # a bound that still creeps after 300 steps does not spoil the clusters
+        # a bound that still rises slowly after 300 steps does not harm the clusters
         warnings.simplefilter("ignore")
         process.fit(scaled)
     keep = process.weights_ >= min(settings.min_weight, process.weights_.max())
@@ -123,12 +123,12 @@ def fit_mixture(
 
 
 def log_beta(a: np.ndarray) -> np.ndarray:
-    """log B of the module, over the last axis."""
+    """Log of the multivariate beta function, log B of the module, over the last axis."""
     return gammaln(a).sum(axis=-1) - gammaln(a.sum(axis=-1))
 
 
 def merge(counts: np.ndarray, prior: np.ndarray, settings: MixtureSettings) -> np.ndarray:
-    """Group (pushes,) of each push by the module's criterion, by decreasing size; counts (pushes, C), prior a (C,)."""
+    """Group (pushes,) of each push by the merging criterion, largest group first; counts (pushes, C), prior a (C,)."""
     group = np.arange(len(counts))
     total, size = counts.copy(), np.ones(len(counts))
     evidence = log_beta(prior + total)
@@ -173,14 +173,14 @@ def push_posterior(log_like: np.ndarray, push: np.ndarray, shares: np.ndarray) -
 
 
 def describe(features: np.ndarray, resp: np.ndarray, force_scale: float) -> dict[str, np.ndarray]:
-    """Mean look of each abstraction, (K,) each: force (N), rise (N/step), move, lag, drag (1); `force_scale` in N."""
+    """Mean features of abstractions, (K,) each: force (N), rise (N/step), move, lag, drag (1); `force_scale` in N."""
     mean = (resp / np.maximum(resp.sum(axis=0), 1e-9)).T @ features
     look = {name: mean[:, column] for column, name in enumerate(FEATURES)}
     return look | {"force": force_scale * np.sinh(look["force"])}
 
 
 def names_of(look: dict[str, np.ndarray]) -> list[str]:
-    """Names from `describe`: no block, no move, drags tower, easy move, hard move; numbered if repeated."""
+    """Names from mean features: no block, no move, drags tower, easy move, hard move; numbered if repeated."""
     names = []
     for force, move, drag in zip(look["force"], look["move"], look["drag"]):
         if drag > DRAG:

@@ -1,4 +1,4 @@
-"""Mixture of linear regressions: the hierarchical baseline, whose latent experts do not know of pushes.
+"""Mixture of linear regressions (MOR): the hierarchical baseline, whose latent experts may change within a push.
 
     Δ | x, l = k ~ Normal(W_k x̃, diag v_k),   P(l = k | x) = softmax_k(γ_k x̃),   x̃ = (x, 1)
     E:  r_ik ∝ P(l = k | x_i) p(Δ_i | x_i, k)        M:  W_k by ridge, weights r_k; v_k; γ by ridge multinomial logit
@@ -23,13 +23,13 @@ from thesis_lib.jenga.learners.mixture import describe
 from thesis_lib.jenga.learners.settings import ExpertSettings
 from thesis_lib.jenga.robot.samples import PushSamples
 
-SMALLEST_VAR = 1e-3  # of scaled changes: an expert with few samples must not fit them exactly
-GATE_STEPS = 5  # Newton-like steps of the gate in an M step: EM only needs an increase
+SMALLEST_VAR = 1e-3  # of scaled changes: keeps an expert with few samples from fitting them exactly
+GATE_STEPS = 5  # Newton-like steps of the gate in an M step: EM needs an increase only
 
 
 @dataclass(frozen=True)
 class Experts:
-    """Parameters: w, W (K, d + 1, 7); var, v (K, 7), of scaled changes; gate, γ (K, d + 1)."""
+    """Parameters of the experts: w, W (K, d + 1, 7); var, v (K, 7), of scaled changes; gate, γ (K, d + 1)."""
 
     w: np.ndarray
     var: np.ndarray
@@ -56,7 +56,7 @@ def with_one(inputs: np.ndarray) -> np.ndarray:
 
 
 def em(x: np.ndarray, y: np.ndarray, k: int, settings: ExpertSettings, rng: np.random.Generator) -> Experts:
-    """Experts of the highest penalised likelihood over restarts, for x̃ (n, d + 1) and changes y (n, 7)."""
+    """Experts with the highest penalised likelihood over all restarts, for x̃ (n, d + 1) and changes y (n, 7)."""
     best, best_value = None, -np.inf
     for _ in range(settings.restarts):
         # a random linear view of the changes splits the samples better than random labels do
@@ -126,8 +126,8 @@ def _maximise(x: np.ndarray, y: np.ndarray, resp: np.ndarray, gate: np.ndarray, 
 class Mor(Learner):
     """Mixture of linear regressions; its abstractions are the experts.
 
-    Once fitted: experts; scores, the held-out log likelihood (nats per sample) for each number of experts; look of each
-    expert, as `mixture.describe` tells it, by its share in the training samples.
+    Once fitted: experts; scores, the held-out log likelihood (nats per sample) for each number of experts; look, mean
+    features of each expert (`mixture.describe`), weighted by its responsibility for the training samples.
     """
 
     experts: Experts
@@ -150,7 +150,7 @@ class Mor(Learner):
         return self
 
     def predict(self, state: np.ndarray, action: np.ndarray, context: np.ndarray, belief: np.ndarray) -> PushPrediction:
-        """Next reading for each expert; weights combine belief and gate."""
+        """Predict the next reading for each expert; weights combine belief and gate."""
         x = with_one(self.scaling.inputs(state, action, context))
         mean = self.scaling.next_state(state[:, None], np.einsum("nd,kdo->nko", x, self.experts.w))
         var = np.broadcast_to(self.scaling.change**2 * self.experts.var, mean.shape)

@@ -1,4 +1,4 @@
-"""Neural networks of the changes of the state: K Bayesian ones in one batch, with a shared prior, or a plain one.
+"""Neural networks that predict changes of the state: K Bayesian networks with a shared prior, or one plain network.
 
     w_k ~ Normal(μ_θ, σ_w²/fan-in),   μ_θ ~ Normal(0, σ_θ²/fan-in)                    (equations 5.4, 5.8 and 5.9)
     Δ | x, w_k ~ Normal(g(x; w_k), diag exp h(x; w_k))                                              (equation 5.10)
@@ -63,7 +63,7 @@ def forward(x: torch.Tensor, layers: Layers) -> tuple[torch.Tensor, torch.Tensor
 
 
 def outputs_of(x: torch.Tensor, layers: Layers) -> torch.Tensor:
-    """Outputs that `forward` parts and clamps, (…, n, 14)."""
+    """Outputs (…, n, 14) before `forward` splits them and limits the log variances."""
     h = x
     for w in layers[:-2]:
         h = _affine(h, w).tanh_()
@@ -71,14 +71,14 @@ def outputs_of(x: torch.Tensor, layers: Layers) -> torch.Tensor:
 
 
 def soft_clamp(log_var: Any, xp: Any = torch) -> Any:
-    """Log variance confined smoothly to `LOG_VAR`; `xp` is torch or a library with its tanh."""
+    """Log variance smoothly limited to `LOG_VAR`; `xp` is torch or a library with its tanh."""
     low, high = LOG_VAR
     middle, half = 0.5 * (low + high), 0.5 * (high - low)
     return middle + half * xp.tanh((log_var - middle) / half)
 
 
 def _local(x: torch.Tensor, mean: torch.Tensor, std: torch.Tensor, gen: torch.Generator) -> torch.Tensor:
-    """A draw of the layer's activations (local reparametrisation)."""
+    """Random draw of the layer's activations (local reparametrisation)."""
     var = _affine(x**2, std**2)
     noise = torch.randn(var.shape, generator=gen)
     return _affine(x, mean) + noise * torch.sqrt(var + 1e-12)
@@ -98,7 +98,7 @@ class BayesianNetworks:
     draws: Layers = field(default_factory=list)
 
     def redraw(self, gen: torch.Generator) -> None:
-        """Replace the fixed draws of the weights."""
+        """Draw anew the fixed samples of the weights that predictions use."""
         half = self.settings.draws // 2
         self.draws = []
         for m, s in zip(self.mean, self.log_std):
@@ -110,7 +110,7 @@ class BayesianNetworks:
         return replace(self, draws=[m[None] for m in self.mean])
 
     def predict(self, inputs: np.ndarray) -> tuple[np.ndarray, Callable[[], np.ndarray]]:
-        """Mean (n, K, 7) of scaled changes for inputs (n, d), and what computes their variance: it takes as long."""
+        """Mean (n, K, 7) of scaled changes for inputs (n, d), and a function for their variance (as slow)."""
         with torch.no_grad():
             out = outputs_of(torch.as_tensor(inputs, dtype=torch.float32), self.draws)  # (draws, K, n, 14)
             mean = out[..., :N_OUT]
@@ -128,10 +128,10 @@ class BayesianNetworks:
 
 
 def descend(parameters: Layers, loss: Callable[[float], torch.Tensor], rate: float, steps: int) -> None:
-    """Change the parameters by so many steps of Adam, with a rate that falls to a tenth as a cosine.
+    """Minimise `loss` by `steps` steps of Adam, in place, with a learning rate that falls to a tenth along a cosine.
 
-    `loss` is that after a share of all steps.  The numbers are those of torch.optim.Adam, which also imports torch's
-    compiler and takes a second for it.
+    `loss` takes the share of the steps done.  The results equal those of torch.optim.Adam, whose import also loads
+    torch's compiler and takes a second longer.
     """
     for w in parameters:
         w.requires_grad_(True)
@@ -154,9 +154,9 @@ def train(
     seed: int,
     start: BayesianNetworks | None = None,
 ) -> BayesianNetworks:
-    """Networks that minimise the module's loss.
+    """Train networks that minimise the module's loss.
 
-    inputs: x (n, d).  outputs: Δ (n, 7).  resp: r (n, K).  start: networks to continue.
+    inputs: x (n, d).  outputs: Δ (n, 7).  resp: r (n, K).  start: networks from which training continues.
     """
     gen = torch.Generator().manual_seed(seed)
     k, n = resp.shape[1], len(inputs)
@@ -228,7 +228,7 @@ def train_plain(inputs: np.ndarray, outputs: np.ndarray, settings: NetworkSettin
 
 
 class Network(Learner):
-    """Feed-forward network with K = 1.  Once fitted: layers (see the module)."""
+    """Single feed-forward network (K = 1).  Once fitted: layers (see the module)."""
 
     layers: Layers
 
@@ -239,7 +239,7 @@ class Network(Learner):
         return self
 
     def predict(self, state: np.ndarray, action: np.ndarray, context: np.ndarray, belief: np.ndarray) -> PushPrediction:
-        """Next reading (n, 1, 7)."""
+        """Predict the next reading (n, 1, 7)."""
         inputs = self.scaling.inputs(state, action, context)
         with torch.no_grad():
             out = outputs_of(torch.as_tensor(inputs, dtype=torch.float32), self.layers)

@@ -1,1 +1,1 @@
-"""Policies, the controller and the game."""
+"""Policies, the model predictive controller and the game."""

@@ -1,6 +1,6 @@
-"""Model predictive control on a learned model: where to push, and when to give up.
+"""Model predictive control with a learned model: where to push, and when to give up.
 
-At each step n action sequences a^j of H steps are rolled out through the learner from the last reading.  A rollout has
+At each step, n action sequences a^j of H steps are simulated with the learner from the last reading.  Each rollout has
 one branch per abstraction k, which starts with certainty in k and then follows the learner's weights:
 
     s^{jk}_0 = z_t,   s^{jk}_{h+1} = Σ_l p(l | s^{jk}_h, a^j_h, e_k) μ_l(s^{jk}_h, a^j_h)
@@ -9,14 +9,14 @@ one branch per abstraction k, which starts with certainty in k and then follows 
     g_t = (p_t(no move) − p_0(no move))₊ / (1 − p_0(no move)),   p_0: before contact
 
 The first action of the cheapest sequence is executed.  If it costs more than giving up, J* > J_g, the robot retracts,
-but not before `probe` pushes: before contact nothing is known of the block.  All learners share costs and weights.
+but not before `probe` pushes: nothing is known about a block before contact.  All learners share costs and weights.
 
-The term g of p(no move) can be switched off: the comparison of learners would otherwise measure it.  `abstractions`
-says what each learner's p is.  It is the same for all pushes, so it only weighs pushing against giving up.  Predicted
-variances count in it alone: C is nearly linear where it matters, and the branches carry the spread that decides.
+The term g of p(no move) can be switched off, or a comparison of learners would measure its effect.  `abstractions`
+defines p for each learner.  g is the same for all pushes, so it only weighs pushing against giving up.  Predicted
+variances enter only g: C is nearly linear where it matters, and the branches represent the spread that decides.
 
 Sequences: all pairs of a few contact locations and headings held for H steps, the straight push and the present contact
-among them, and random pairs of which the second takes over midway.  x, y, ψ and T are those of `samples.STATE`, in mm.
+among them, and random pairs that switch from one to the other midway.  x, y, ψ, T: see `samples.STATE`, in mm.
 
 Source: thesis, section 5.5.4, figure 5-9, which names the costs without equations; their form is an own choice.
 """
@@ -56,9 +56,9 @@ def rollout(
 
 
 def _alike(sequences: np.ndarray) -> list[tuple[np.ndarray, np.ndarray]]:
-    """Which sequences (n, H, 2) are alike so far, at each step: one (m,) of each kind, and the kind (n,) of each.
+    """Group sequences (n, H, 2) that agree up to each step: one member (m,) of each group, and the group (n,) of each.
 
-    What is alike so far leads to the same state, so that one is predicted for all.
+    Sequences that agree so far lead to the same state, so one prediction serves the whole group.
     """
     n, horizon, _ = sequences.shape
     _, action = np.unique(sequences[..., 0] + 1j * sequences[..., 1], return_inverse=True)
@@ -70,7 +70,7 @@ def _alike(sequences: np.ndarray) -> list[tuple[np.ndarray, np.ndarray]]:
 
 
 def branch_costs(states: np.ndarray, settings: ControllerSettings) -> np.ndarray:
-    """C (n, K) of rollouts (H + 1, n, K, 7), mm and N."""
+    """Costs C (n, K) of rollouts (H + 1, n, K, 7), mm and N."""
     first, last, horizon = states[0], states[-1], len(states) - 1
     shortfall = np.maximum(1.0 - (last[..., X] - first[..., X]) / horizon, 0.0)
     growth = np.maximum(last[..., TOWER] - first[..., TOWER], 0.0) / horizon
@@ -83,7 +83,7 @@ def branch_costs(states: np.ndarray, settings: ControllerSettings) -> np.ndarray
 
 
 class Learned(Policy):
-    """The controller on a fitted learner, as a `policies.Policy`.
+    """Policy that plans with a fitted learner.
 
     belief: (K,), of the pushed block.
     """
@@ -113,10 +113,10 @@ class Learned(Policy):
         self.belief = self.learner.update(self.belief[None], *step, next_state[None])[0]
 
     def sequences(self) -> np.ndarray:
-        """Action sequences (n, H, 2), mm and rad, of this step; the first is straight at the present contact."""
+        """Candidate action sequences (n, H, 2), mm and rad; the first pushes straight at the present contact."""
         settings = self.settings
         held = self._held.copy()
-        # the location nearest to the finger becomes the finger's, so that pushing on there is among the choices
+        # the location nearest to the finger is replaced by the finger's, to include pushing on at the same contact
         away = np.abs(held[:, 0] - self.contact)
         held[away == away.min(), 0] = self.contact
         pairs = np.concatenate([[[self.contact, 0.0], [0.0, 0.0]], held])[: settings.sequences]
@@ -130,7 +130,7 @@ class Learned(Policy):
         return np.concatenate([sequences, np.where(later[..., None], second[:, None], first[:, None])])
 
     def costs(self, state: np.ndarray, sequences: np.ndarray) -> np.ndarray:
-        """J (n,) of the sequences (n, H, 2) from a reading (7,)."""
+        """Costs J (n,) of the sequences (n, H, 2) from a reading (7,)."""
         settings = self.settings
         states, weights = rollout(self.learner, state, self.context, self.belief, sequences)
         cost = (weights * branch_costs(states, settings)).sum(axis=1)
@@ -140,7 +140,7 @@ class Learned(Policy):
         return cost + settings.no_move * self.growth(state)
 
     def growth(self, state: np.ndarray) -> float:
-        """g: growth of p(no move) since the first reading (7,) of this block; 0 if the term is switched off."""
+        """Growth g of p(no move) since the first reading (7,) of this block; 0 if the term is switched off."""
         if not self.settings.no_move:
             return 0.0
         now = no_move(self.learner, self.belief, state, self.context, self.contact)

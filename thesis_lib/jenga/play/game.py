@@ -1,16 +1,16 @@
-"""A game: one tower and one policy, until something falls or every block has been tried.
+"""A game of one policy on one tower, until something falls or every block has been tried.
 
 The nominal execution loop of the thesis (section 5.4.3): take a random block and push it in steps of 1 mm until the
-policy retracts, the block is out far enough or 45 mm are reached; extract it and place it on top.  The run ends when a
+policy retracts, the block is far enough out, or 45 mm are reached; extract it and place it on top.  The run ends when a
 block falls off the tower, the tower topples, or all blocks have been tried.
 
 The seed of the tower and `base_seed` fix the tower, the order of blocks, the noise of each block's readings
 and the places on top, whatever the policy does.  The policy's random choices come from a separate stream.
 
 Success (thesis, section 5.5.3): a push succeeds if the block reaches the goal and no other block moves by more than
-10 mm or turns by more than 15 degrees in that push.  Extraction and placement are judged likewise, each by itself.  The
-score (`Game.extractions`, figure 5-5B) is the number of blocks pushed and extracted with success before the run ended:
-a retreat does not break the row, and damage costs the block without ending the run.  An unusable tower gives a
+10 mm or turns by more than 15 degrees in that push.  Extraction and placement are judged likewise, separately.  The
+score (`Game.extractions`, figure 5-5B) is the number of blocks pushed and extracted with success before the run ends:
+a retreat does not end the count, and damage costs the block without ending the run.  An unusable tower gives a
 `refused` game, which is counted but has no score.
 """
 
@@ -38,9 +38,9 @@ NOT_TRIED = -1
 
 @dataclass
 class Attempt:
-    """One block, the actions on it and their results.
+    """One block that was tried, and the result.
 
-    layer, side: where it was (0 middle, 1 side).  truth: hidden label (0 free, 1 stuck, -1 not asked).  steps:
+    layer, side: where it was (0 middle, 1 side).  truth: hidden label (0 free, 1 stuck, -1 unknown).  steps:
     pushes of 1 mm.  peak_force (N), perturbation (mm): largest readings.  damage: true largest displacement (mm) of any
     other block during the push.  pushed, extracted, placed: 1 success, 0 failure, -1 not tried.  reason: why it ended.
     """
@@ -63,7 +63,7 @@ class Attempt:
 class Game:
     """A finished game.
 
-    blocks: number of blocks to be tried.  end: why it ended.  error: of a refused game.  frames: (title, block, poses
+    blocks: number of blocks to be tried.  end: why it ended.  error: why it was refused.  frames: (title, block, poses
     (54, 7)) of the untouched tower and after each extracted block; `sizes` (54, 3), m, belong to them.
     """
 
@@ -84,16 +84,16 @@ class Game:
 
     @property
     def extractions(self) -> int:
-        """The score; UserError if the game was refused."""
+        """Number of blocks extracted, which is the score; UserError if the game was refused."""
         return self._count(lambda attempt: attempt.pushed == 1 and attempt.extracted == 1)
 
     @property
     def placements(self) -> int:
-        """Blocks placed with success.  Errors as in `extractions`."""
+        """Number of blocks placed with success.  Errors as in `extractions`."""
         return self._count(lambda attempt: attempt.placed == 1)
 
     def table(self) -> pd.DataFrame:
-        """A row per block tried: policy, tower and the fields of `Attempt`."""
+        """Table with a row per block tried: policy, tower and the fields of `Attempt`."""
         names = [item.name for item in fields(Attempt)]
         rows = pd.DataFrame([asdict(attempt) for attempt in self.attempts], columns=names)
         return rows.assign(policy=self.policy, tower=self.seed)[["policy", "tower", *names]]
@@ -101,7 +101,7 @@ class Game:
     def _count(self, successful: Callable[[Attempt], bool]) -> int:
         if self.refused:
             raise UserError(
-                f"the game of {self.policy} on tower {self.seed} was refused ({self.error}): count it as such, or "
+                f"the game of {self.policy} on tower {self.seed} was refused ({self.error}): count it as refused, or "
                 "leave the tower out for every policy."
             )
         return sum(map(successful, self.attempts))
@@ -120,7 +120,7 @@ class _Play:
         policy.begin(_stream(base_seed, seed, f"policy {policy.name}"))
 
     def try_block(self, attempt: Attempt) -> str:
-        """Push and, if the block is out, extract and place; the reason that ends the run, or an empty text."""
+        """Push and, if the block is out, extract and place; return the reason that ends the run, or an empty text."""
         tower, policy, block = self.tower, self.policy, attempt.block
         context = tower.context(block)
         if self.label:
@@ -191,8 +191,8 @@ def play(
 ) -> Game:
     """Play the tower of `seed`, trying at most `blocks` blocks.
 
-    label: find the hidden label of each block before it is touched.  frames: keep the poses after each extracted block.
-    A tower that is unusable, or whose simulation breaks down while it stands, gives a refused game.
+    label: determine the hidden label of each block before it is touched.  frames: keep the poses after each extraction.
+    If the tower is unusable, or its simulation breaks down while it stands, the game is refused.
     """
     setup = setup or Setup()
     game = Game(policy.name, seed, base_seed, blocks, [], ALL_TRIED)
@@ -214,7 +214,7 @@ def play(
                 game.end = ended
                 break
     except TowerError as error:
-        # after a collapse the tower toppled, it was not unusable
+        # a tower that collapsed counts as toppled, not as unusable
         if playing is not None and tower.collapsed():
             game.end = TOPPLED
             game.attempts[-1].reason = TOPPLED
@@ -224,7 +224,7 @@ def play(
 
 
 def block_order(seed: int, base_seed: int) -> np.ndarray:
-    """Order (45,) in which every policy tries the blocks of a tower."""
+    """Order (45,) in which blocks of the tower are tried, the same for every policy."""
     return _stream(base_seed, seed, "order").permutation(REACHABLE)
 
 
@@ -233,22 +233,22 @@ def _stream(base_seed: int, seed: int, name: str) -> np.random.Generator:
 
 
 def _rounded(values: np.ndarray) -> list:
-    """Rounded to 0.1 µm, finer than any sensor."""
+    """Values rounded to 0.1 µm, finer than any sensor."""
     return np.round(values, 7).tolist()
 
 
 def write_game(game: Game, path: str | Path) -> None:
-    """Write one JSON file, whole or not at all."""
+    """Write a game to a JSON file, atomically."""
     write_json({"schema": SCHEMA, **asdict(game)}, path)
 
 
 def read_game(path: str | Path) -> Game:
-    """Read what `write_game` wrote; UserError if the file is missing, CorruptFileError if its game has not ended."""
+    """Read a file of `write_game`; UserError if it is missing, CorruptFileError if it does not contain a full game."""
     value = read_json(path)
     try:
         if value.pop("schema") != SCHEMA:
-            raise ValueError("another version of the file")
+            raise ValueError("the file has another version")
         value["attempts"] = [Attempt(**attempt) for attempt in value["attempts"]]
         return Game(**{item.name: value[item.name] for item in fields(Game)})
     except (KeyError, TypeError, ValueError) as error:
-        raise CorruptFileError(f"{path} is not a game ({error}); delete it and play again.") from error
+        raise CorruptFileError(f"{path} does not contain a valid game ({error}); delete it and play again.") from error

@@ -1,14 +1,13 @@
-"""Policies by name, trained on samples if they learn.
+"""Construction of policies from their names, trained on samples if they learn.
 
-Learners are hma, mor and network.  The controller charges the growth of p(no move) for hma only; hma_without_cost,
-mor_with_cost and network_with_cost are the same learners, fitted with the same random numbers, without and with it.
-hma_one_shot learns abstractions and transitions jointly.  Without training are rule, always_push, exploration and
-oracle.
+Learners are hma, mor and network.  The controller penalises growth of p(no move) for hma only; hma_without_cost,
+mor_with_cost and network_with_cost are the same learners, fitted with the same random numbers, without and with
+it.  hma_one_shot learns abstractions and transitions jointly.  Rule, always_push, exploration, oracle need no training.
 
 The oracle simulates each push on the tower before making it: an upper bound for the other policies.  For each block a
 straight push to the goal and the extraction are simulated, and the tower is restored.  The push is made only if no
-damage was done.  The oracle judges each block alone, whatever the tower is worth afterwards, so it bounds policies that
-push straight and decide block by block.  Simulated and real push agree to the last bit where pushes start in contact.
+damage was done.  The oracle judges each block alone and ignores what follows for the tower, so it bounds policies that
+push straight and decide block by block.  If pushes start in contact, simulated and real push agree to the last bit.
 """
 
 from collections.abc import Sequence
@@ -28,13 +27,13 @@ if TYPE_CHECKING:  # learners need torch, which takes longer to import than a ru
     from thesis_lib.jenga.learners.learner import Learner
 
 
-# policy -> whose learner it is, if it differs in the controller only
+# policy -> the policy with the same learner, from which it differs in the controller only
 LEARNS_AS = {"hma_without_cost": "hma", "mor_with_cost": "mor", "network_with_cost": "network"}
 WITHOUT_COST = ("hma_without_cost", "mor", "network")
 
 
 class Oracle(Policy):
-    """A `Policy` with access to the tower."""
+    """Policy with access to the true tower, which simulates each push before it is made."""
 
     name = "oracle"
     SEES_TOWER: ClassVar[bool] = True
@@ -53,7 +52,7 @@ class Oracle(Policy):
 
 
 def would_succeed(tower: Tower, block: int, push: Push, damage: float) -> bool:
-    """Whether `push`, repeated, and the gripper extract the block with others moved by at most `damage` (mm)."""
+    """Whether repeating `push` and gripping extract the block while others move by at most `damage` (mm)."""
     try:
         return comes_out(tower, block, lambda apart, _: MM * apart > damage, push.offset / MM, push.heading)
     except TowerError:  # a collapse too violent to simulate is still a collapse
@@ -61,7 +60,7 @@ def would_succeed(tower: Tower, block: int, push: Push, damage: float) -> bool:
 
 
 def learner_of(name: str, settings: Chapter5) -> "Learner":
-    """An unfitted learner, by the name of a policy; UserError for an unknown name."""
+    """Unfitted learner of the policy `name`; UserError for an unknown name."""
     from thesis_lib.jenga.learners.hma import Hma
     from thesis_lib.jenga.learners.mor import Mor
     from thesis_lib.jenga.learners.networks import Network
@@ -69,7 +68,7 @@ def learner_of(name: str, settings: Chapter5) -> "Learner":
     learners = {"hma": Hma, "hma_one_shot": Hma, "mor": Mor, "network": Network}
     learns = LEARNS_AS.get(name, name)
     if learns not in learners:
-        raise UserError(f"there is no learner {name}; known are {', '.join([*learners, *LEARNS_AS])}.")
+        raise UserError(f"there is no learner {name}; choose one of {', '.join([*learners, *LEARNS_AS])}.")
     one_shot = settings.learner.one_shot or name == "hma_one_shot"
     return learners[learns](settings.learner.model_copy(update={"one_shot": one_shot}))
 
@@ -77,7 +76,7 @@ def learner_of(name: str, settings: Chapter5) -> "Learner":
 def policy_of(
     name: str, samples: PushSamples | None, size: int, settings: Chapter5, rng: np.random.Generator
 ) -> Policy:
-    """The policy of this name, trained on the first `size` samples if it learns.
+    """Policy of this name, trained on the first `size` samples if it learns.
 
     UserError for an unknown name, or fewer than `size` samples.
     """
@@ -95,7 +94,7 @@ def policy_of(
     learner = learner_of(name, settings)
     if samples is None or len(samples) < size:
         have = 0 if samples is None else len(samples)
-        raise UserError(f"{name} is to learn from {size} samples, but there are {have}.")
+        raise UserError(f"{name} needs {size} training samples, but there are {have}; collect more.")
     controller = play.controller
     if name in WITHOUT_COST:
         controller = controller.model_copy(update={"no_move": 0.0})
@@ -103,7 +102,7 @@ def policy_of(
 
 
 def fitted(sets: Sequence[PushSamples], settings: Chapter5, rng: np.random.Generator) -> "dict[tuple[int, int], Hma]":
-    """HMA for every size and set, by (size, number of the set)."""
+    """HMA fitted for every size and training set, by (size, number of the set)."""
     return {
         (size, i): learner_of("hma", settings).fit(samples.first(size), rng)
         for size in settings.games.sizes

@@ -1,7 +1,7 @@
-"""Policies of a game: one interface for rules, exploration, learned controllers and the oracle.
+"""Policies of a game: a common interface for rules, exploration, learned controllers and the oracle.
 
-At each step a policy gets the last reading z_t and answers with a push a_t of 1 mm or a retreat; after a push it gets
-the reading that follows.  Policies see readings only, except the oracle, which has the tower (`SEES_TOWER`).  Readings
+At each step a policy gets the last reading z_t and returns a push a_t of 1 mm or a retreat; after a push it gets
+the next reading.  Policies see readings only, except the oracle, which has the true tower (`SEES_TOWER`).  Readings
 are (7,), mm and N (`samples.STATE`); contexts are (2,) (`samples.CONTEXT`).
 
 Source: thesis, sections 5.4.3 (execution loop, base exploration policy) and 5.5.3 (the exploration's supervisor).
@@ -27,7 +27,7 @@ class Push:
 
 @dataclass(frozen=True)
 class Retract:
-    """Give the block up, for this reason."""
+    """Give up the block, for the reason stated."""
 
     reason: str = "gave up"
 
@@ -37,35 +37,35 @@ Action = Push | Retract
 
 
 class Policy:
-    """Plays one game at a time, block by block; without memory unless a subclass keeps something."""
+    """Base class: plays one game at a time, block by block; stateless unless a subclass keeps a state."""
 
     name: str
     SEES_TOWER: ClassVar[bool] = False
 
     def begin(self, rng: np.random.Generator) -> None:
-        """A new game; the policy's random choices come from `rng`."""
+        """Begin a new game; the policy's random choices come from `rng`."""
         self.rng = rng
 
     def start(self, block: int, context: np.ndarray) -> None:
-        """A new block, not yet touched."""
+        """Begin with a new block that has not been touched yet."""
 
     def act(self, state: np.ndarray, context: np.ndarray) -> Action:
-        """The next action after the last reading (7,)."""
+        """Return the next action after the last reading (7,)."""
         raise NotImplementedError
 
     def observe(self, state: np.ndarray, action: Push, next_state: np.ndarray) -> None:
-        """Readings (7,) before the push, in contact, and after it."""
+        """Take in the readings (7,) before the push, in contact, and after it."""
 
 
 def beyond(state: np.ndarray, settings: RuleSettings | SupervisorSettings) -> Retract | None:
-    """A retreat where force or tower perturbation of a reading (7,) exceeds its threshold."""
+    """Retreat if force or tower perturbation of a reading (7,) exceeds its threshold, else None."""
     if state[F_N] > settings.force:
         return Retract("force")
     return Retract("tower moves") if state[TOWER] > settings.tower else None
 
 
 def explored(settings: CollectSettings, rng: np.random.Generator) -> tuple[float, float]:
-    """Contact (m) and heading (rad) of the base exploration policy, drawn anew."""
+    """Draw a contact location (m) and a heading (rad) for the base exploration policy."""
     offset, heading = settings.offset, settings.heading
     return float(rng.uniform(-offset, offset)), float(rng.uniform(-heading, heading))
 
@@ -94,7 +94,7 @@ class RulePolicy(Policy):
 class Exploration(Policy):
     """The base exploration policy (random contact locations and headings) under the thesis's supervisor.
 
-    Unlike collection it never gives up at random: only the supervisor ends a push.
+    Unlike in collection, pushes are never given up at random: only the supervisor ends them.
     """
 
     name = "exploration"

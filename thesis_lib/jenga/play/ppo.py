@@ -1,4 +1,4 @@
-"""Proximal policy optimisation: the model-free baseline, by stable-baselines3.
+"""Proximal policy optimisation (PPO) with stable-baselines3: the model-free baseline.
 
     max_θ  E[min(ρ_t A_t, clip(ρ_t, 1 − ε, 1 + ε) A_t)],   ρ_t = π_θ(a_t | o_t) / π_old(a_t | o_t)
     A_t = Σ_l (γ λ)^l δ_{t+l},   δ_t = r_t + γ V(o_{t+1}) − V(o_t)
@@ -6,9 +6,9 @@
 
 o_t is `push_env.observation` (9,), m_θ the tanh layers `PpoPolicy.layers`; ε, γ, λ are `clip`, `discount`, `trace`.
 
-One training passes all requested numbers of samples and leaves a policy at each.  It runs in segments of at most
+One training run passes through all requested numbers of samples and saves a policy at each.  It has segments of at most
 `segment` samples.  Each starts from weights and optimiser of the one before, with its own random streams.  A segment of
-n samples holds ⌈n / `rollout`⌉ rollouts of equal length: no policy has seen more samples than its number, and even 100
+n samples has ⌈n / `rollout`⌉ rollouts of equal length: no policy has seen more samples than stated, and even 100
 samples give an update.  A sample is one step of the environment, retreats included.
 
 Sources: J. Schulman et al. 2017, doi 10.48550/arXiv.1707.06347; A. Raffin et al., JMLR 22 (268), 2021
@@ -40,9 +40,9 @@ State = dict[str, Any]
 
 
 class PpoPolicy(Policy):
-    """A trained policy as it plays, deterministic and without memory; a `policies.Policy`.
+    """Trained policy, deterministic and stateless.
 
-    samples: most samples that it was trained on.  layers: weights (out, in) and biases (out,).  settings: of its
+    samples: most samples used in training.  layers: weights (out, in) and biases (out,).  settings: of its
     training.  episodes: a row per push of the training so far: samples (total at its end), tower, block, steps, reward
     (before scaling) and reason of its end.
     """
@@ -65,7 +65,7 @@ class PpoPolicy(Policy):
         )
 
     def act(self, state: np.ndarray, context: np.ndarray) -> Action:
-        """The mean action for a reading (7,) and context (2,), mm and N."""
+        """Return the mean action for a reading (7,) and context (2,), mm and N."""
         x = observation(state, context)
         for weight, bias in self.layers[:-1]:
             x = np.tanh(weight @ x + bias)
@@ -83,9 +83,9 @@ def train_ppo(
     say: Callable[[str], None] | None = None,
     environment: type[PushEnv] = PushEnv,
 ) -> dict[int, PpoPolicy]:
-    """The policies of one training at these numbers of samples.
+    """Train once and return the policies at these numbers of samples.
 
-    device: PyTorch's; "auto" is a GPU if there is one.  say: receives progress lines.  The library seeds the global
+    device: PyTorch's; "auto" is a GPU if available.  say: receives progress lines.  The library seeds the global
     streams of random, numpy and PyTorch.  UserError for checkpoints that do not increase by at least 2; TowerError
     as in `PushEnv.reset`.
     """
@@ -114,7 +114,7 @@ def write_policy(policy: PpoPolicy, path: str | Path) -> None:
 
 
 def read_policy(path: str | Path) -> PpoPolicy:
-    """A policy that `write_policy` wrote; UserError if the file is missing, CorruptFileError if it holds none."""
+    """Read a policy of `write_policy`; UserError if the file is missing, CorruptFileError if it contains no policy."""
     path = Path(path)
     if not path.is_file():
         raise UserError(f"{path} does not exist; train PPO first.")
@@ -126,18 +126,18 @@ def read_policy(path: str | Path) -> PpoPolicy:
         # weights_only: tensors and plain values, so that a file cannot run code
         state = torch.load(path, map_location="cpu", weights_only=True)
         if state["schema"] != SCHEMA:
-            raise ValueError("another version of the file")
+            raise ValueError("the file has another version")
         return PpoPolicy(state)
     except Exception as error:
-        raise CorruptFileError(f"{path} is not a policy ({error}); delete it and train again.") from error
+        raise CorruptFileError(f"{path} contains no valid policy ({error}); delete it and train again.") from error
 
 
 def _segment_ends(checkpoints: Sequence[int], segment: int) -> list[int]:
     gaps = np.diff([0, *checkpoints])
     if len(checkpoints) == 0 or (gaps < 2).any():
         raise UserError(
-            f"PPO: checkpoints {list(checkpoints)} must increase by at least 2 samples, from 2 on; the first update "
-            "needs two samples. Sort them and leave out what is double."
+            f"PPO: checkpoints {list(checkpoints)} must increase by at least 2 samples, starting at 2: an update "
+            "needs two samples. Sort them and remove duplicates."
         )
     ends: list[int] = []
     for begin, gap in zip([0, *checkpoints], gaps):
@@ -156,7 +156,7 @@ def _segment(
     device: str,
     report: Callable[[int, list[float]], None],
 ) -> State:
-    """Train from `begin` to `end` samples, from the state at the end of the previous segment."""
+    """Train from `begin` to `end` samples, starting from the state at the end of the previous segment."""
     from stable_baselines3 import PPO
     from stable_baselines3.common.callbacks import BaseCallback
     from stable_baselines3.common.logger import Logger
@@ -172,7 +172,7 @@ def _segment(
     length = (end - begin) // rollouts
     stream = np.random.SeedSequence(seed, spawn_key=(5, begin)).generate_state(1)[0]
     with warnings.catch_warnings():
-        # the mini-batches of a rollout may differ by one sample, which does no harm
+        # the mini-batches of a rollout may differ by one sample, which is harmless
         warnings.filterwarnings("ignore", message="You have specified a mini-batch size", category=UserWarning)
         model = PPO(
             "MlpPolicy",
@@ -210,7 +210,7 @@ def _segment(
 
 
 def _on_cpu(value: Any) -> Any:
-    """A CPU copy of nested tensors, in plain containers."""
+    """Copy of nested tensors on the CPU, in plain containers."""
     if isinstance(value, torch.Tensor):
         return value.detach().cpu().clone()
     if isinstance(value, dict):

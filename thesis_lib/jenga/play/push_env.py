@@ -1,18 +1,18 @@
-"""The push as an environment of reinforcement learning (gymnasium): one episode is one push of one block.
+"""Pushing as a reinforcement-learning environment (gymnasium): an episode is one push of one block.
 
     R = Σ_t [b1 Δx_t − b2 D1(p_t) − b3 D2(p_t)] + b4 D3
     p = 0.4 · max(d / 20 mm, θ / 30°),   D1 = clip((p − 0.08) / (0.4 − 0.08), 0, 1),   D2 = [p > 0.4 or a fall]
 
-Δx (mm) is the block's progress, d and θ are the largest displacement and turn of any other block, b1 … b4 are
+Δx (mm) is the block's progress, d and θ are the largest displacement and rotation of any other block, b1 … b4 are
 `RewardSettings`.
 
-The reward is second-hand: a student's re-implementation quotes it from the paper's supplement, which is not public.
+The reward is taken from a student's re-implementation, which quotes the paper's supplement; that is not public.
 Own choices: D2 is 1 instead of 100, counts once and ends the episode.  D3 = 1 if the block reaches the goal
-and no other block is damaged in the push, because extraction is not simulated.  Rewards use the true poses, the policy
+and no other block is damaged in the push, because extraction is not simulated.  Rewards use the true poses; the policy
 sees readings only.  Retracting gives 0.
 
-Each push begins on a freshly settled tower, reduced.  A new tower is drawn from the training seeds
-after `pushes_per_tower` pushes and after each fall.
+Each push begins on a freshly settled, reduced tower.  A new tower is drawn from the training seeds after
+`pushes_per_tower` pushes and after each fall.
 
 Source: N. Fazeli et al., Science Robotics 4, eaav3123 (2019), doi 10.1126/scirobotics.aav3123 (thesis, section 5.5.2).
 """
@@ -33,14 +33,14 @@ from thesis_lib.jenga.tower.tower import LAYERS, REACHABLE, Snapshot, Tower, Tow
 # mm, N: scales each reading to about 1 (goal, half a block's width, force limit, longest push, damage); layers, side
 TYPICAL = np.array([33.0, 12.0, 12.0, 4.0, 2.0, 45.0, 10.0, LAYERS, 1.0])
 SEEN_LIMIT = 5.0  # bound of a scaled reading
-REFUSED = 3  # unusable towers in a row that point to the settings, not the tower
+REFUSED = 3  # number of unusable towers in a row that indicates faulty settings rather than a faulty tower
 REASONS = ("goal", "damaged", "retracted", "longest push", "fell", "tower dragged", "broke down")
 GOAL, DAMAGED, RETRACTED, LONGEST, FELL, DRAGGED, BROKEN = range(len(REASONS))
 
 
 @dataclass(frozen=True)
 class Episode:
-    """A finished push: seed, block, samples (advances and a retreat), reward before scaling, index of `REASONS`."""
+    """Finished push: tower's seed, block, samples (advances and a retreat), unscaled reward, index into `REASONS`."""
 
     tower: int
     block: int
@@ -50,13 +50,13 @@ class Episode:
 
 
 def observation(state: np.ndarray, context: np.ndarray) -> np.ndarray:
-    """The policy's input (9,), float32, of a reading (7,) and context (2,): about 1, within ±`SEEN_LIMIT`."""
+    """Policy input (9,), float32, from a reading (7,) and context (2,): scaled to about 1, within ±`SEEN_LIMIT`."""
     seen = np.concatenate([state, context]) / TYPICAL
     return np.clip(seen, -SEEN_LIMIT, SEEN_LIMIT).astype(np.float32)
 
 
 def as_action(action: np.ndarray, settings: EpisodeSettings) -> Action:
-    """Push or retreat for an action (3,) in [−1, 1]: contact location, heading, retract."""
+    """Push or retreat encoded by an action (3,) in [−1, 1]: contact location, heading, retract."""
     offset, heading, retract = np.clip(np.asarray(action, dtype=float), -1.0, 1.0)
     if retract > settings.retract:
         return Retract()
@@ -64,7 +64,7 @@ def as_action(action: np.ndarray, settings: EpisodeSettings) -> Action:
 
 
 def perturbation(distance: float, angle: float, settings: RewardSettings) -> float:
-    """p of the largest displacement (m) and turn (rad) of any other block."""
+    """Perturbation p from the largest displacement (m) and rotation (rad) of any other block."""
     return settings.limit * max(MM * distance / settings.distance, np.degrees(angle) / settings.angle)
 
 
@@ -76,7 +76,7 @@ def step_reward(progress: float, p: float, fell: bool, settings: RewardSettings)
 
 
 class PushEnv(gymnasium.Env):
-    """Pushes of random blocks of random training towers; `episodes` lists the finished ones."""
+    """Environment of pushes on random blocks of random training towers; `episodes` lists the finished pushes."""
 
     metadata: dict[str, Any] = {"render_modes": []}  # noqa: RUF012  (gymnasium declares it so)
 
@@ -92,11 +92,11 @@ class PushEnv(gymnasium.Env):
         self._pushes_left = 0
 
     def build(self, seed: int) -> Tower:
-        """The settled tower of `seed`."""
+        """Return the settled tower of `seed`."""
         return settled_tower(seed, self.setup)
 
     def reset(self, *, seed: int | None = None, options: dict | None = None) -> tuple[np.ndarray, dict]:
-        """The first reading of a new push at the centre of a block; a seed restarts all randomness.
+        """Start a new push at the centre of a block and return the first reading; a seed restarts all randomness.
 
         options: {"block": number} selects the block.  TowerError if `REFUSED` towers or pushes in a row are unusable.
         """
@@ -112,7 +112,7 @@ class PushEnv(gymnasium.Env):
         return self._begin(block), {}
 
     def step(self, action: np.ndarray) -> tuple[np.ndarray, float, bool, bool, dict]:
-        """One advance of 1 mm, or the retreat, which ends the episode."""
+        """Advance by 1 mm, or retreat, which ends the episode."""
         self._samples += 1
         asked = as_action(action, self.settings)
         if isinstance(asked, Retract):
@@ -121,7 +121,7 @@ class PushEnv(gymnasium.Env):
         try:
             _, self._reading = robot.push_step(asked.offset / MM, asked.heading)
         except TowerError:
-            # breakdowns other than a collapse are not the policy's fault
+            # breakdowns of the simulation other than a collapse are not the policy's fault
             return self._end(-self.reward.fall, FELL) if tower.collapsed() else self._end(0.0, BROKEN)
         x = robot.state()[X]
         progress, self._x = x - self._x, x
@@ -159,7 +159,7 @@ class PushEnv(gymnasium.Env):
         return observation(self._reading, self._context)
 
     def _end(self, reward: float, reason: int) -> tuple[np.ndarray, float, bool, bool, dict]:
-        """End the episode; one that broke down is truncated instead of terminated."""
+        """End the episode; if the simulation broke down, it is truncated instead of terminated."""
         if reason in (FELL, DRAGGED, BROKEN):
             self._pushes_left = 0
         tower, block = self._robot.tower.seed, self._robot.block

@@ -1,1 +1,1 @@
-"""The robot at the tower: pushing, pulling, placing and sensing."""
+"""The robot beside the tower: pushing, pulling, placing and sensing."""

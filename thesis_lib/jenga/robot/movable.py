@@ -1,4 +1,4 @@
-"""Which blocks of a tower are movable: the hidden label that the robot has to infer.
+"""Hidden label of each block, which the robot has to infer: movable or stuck.
 
 Each block is pushed straight at its centre by a few mm; the tower is restored after each push.  A block is movable if
 it follows the finger (x ≥ share · advance: a stuck block may bend the finger alone) and no other block moves by more
@@ -21,7 +21,7 @@ SCAN = ["tower", "block", "layer", "side", "force", "moved", "others", "movable"
 
 
 def trial_push(tower: Tower, block: int, steps: int) -> tuple[float, float, float]:
-    """Peak force (N) of a straight centred push, displacement (mm) of the block and the largest of any other block.
+    """Peak force (N) of a straight centred push, displacement (mm) of the block, and largest of any other block (mm).
 
     The tower is restored afterwards.  Errors as in `Robot.start`.
     """
@@ -44,13 +44,13 @@ def is_movable(moved: np.ndarray, others: np.ndarray, settings: MovableSettings)
 
 
 def hidden_label(tower: Tower, block: int, settings: MovableSettings) -> int:
-    """`FREE` or `STUCK`, by a trial push; the tower is restored."""
+    """Return `FREE` or `STUCK` as found by a trial push; the tower is restored."""
     _, moved, others = trial_push(tower, block, settings.steps)
     return FREE if is_movable(moved, others, settings) else STUCK
 
 
 def scan(tower: Tower, settings: MovableSettings, blocks: Iterable[int] = tuple(REACHABLE)) -> pd.DataFrame:
-    """A row per block pushed: tower, block, layer, side, force (N), moved, others (mm), movable."""
+    """Table with a row per block pushed: tower, block, layer, side, force (N), moved, others (mm), movable."""
     rows = [
         (tower.seed, block, tower.layer[block], int(tower.is_side(block)), *trial_push(tower, block, settings.steps))
         for block in map(int, blocks)
@@ -62,9 +62,9 @@ def scan(tower: Tower, settings: MovableSettings, blocks: Iterable[int] = tuple(
 def comes_out(
     tower: Tower, block: int, damage: Callable[[float, float], bool], offset: float = 0.0, heading: float = 0.0
 ) -> bool:
-    """Whether one push (m, rad), repeated, and the gripper extract a block while nothing falls and nothing is damaged.
+    """Whether repeating one push (m, rad) and gripping extract a block without a fall and without damage.
 
-    damage: whether it is, by the largest displacement (m) and turn (rad) of any other block.  The tower is restored
+    damage: decides from the largest displacement (m) and rotation (rad) of any other block.  The tower is restored
     afterwards.  Errors as in `Robot.start`.
     """
     before, iterations, poses = tower.save(), tower.iterations_needed, tower.poses()

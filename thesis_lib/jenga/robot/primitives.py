@@ -1,7 +1,7 @@
-"""Extract and place: a parallel-jaw gripper pulls a block out of the tower and puts it on top.
+"""Primitives extract and place: a parallel-jaw gripper pulls a block out of the tower and puts it on top.
 
-The open jaws come in along the middle of the block's place and leave 8 mm beside it.  They do not get round a block
-whose end is further aside than `grasp_aside`: it stays where it is (thesis, section 5.5.3: a block that was pushed
+The open jaws approach along the middle of the block's place, with 8 mm clearance beside it.  They cannot grasp a block
+whose end is further aside than `grasp_aside`; it stays in place (thesis, section 5.5.3: a block that was pushed
 badly is difficult to grasp).  With 7 mm the exploration brings out 59 % of 58 blocks that it has pushed to the goal on
 the development towers 0 to 7 (thesis: 56 %), without the limit 94 % of 53 (development_success.csv of
 config/reference/chapter5).  Two thin jaws of limited force close on the long sides of the protruding end, touch nothing
@@ -24,16 +24,16 @@ from thesis_lib.jenga.tower.tower import PER_LAYER, Tower
 from thesis_lib.jenga.tower.tower_model import BLOCKS, HAND, JAWS, OPEN, PARKED
 
 GRASP = 10e-3  # m from the end of the block to the middle of the pads
-SQUEEZE = -4e-3  # m past the block's side, commanded to the jaws: the force limit stops them before
+SQUEEZE = -4e-3  # m past the block's side, commanded to the jaws: the force limit stops them earlier
 CLOSING, OPENING, RESTING = 0.1, 0.1, 0.4  # s
-BEYOND = 5e-3  # m that the block is pulled beyond its length
+BEYOND = 5e-3  # m by which the block is pulled beyond its length
 SLIPPED = 10e-3  # m that a block may move in the jaws before it counts as lost
 JAW = 16  # the jaws' bit of contype and conaffinity
 ASIDE, LOST, FELL_FROM_TOP = "jaws miss it", "lost from the jaws", "fell from the top"
 
 
 class PrimitiveOutcome(NamedTuple):
-    """Reason of failure, "" for success, and whether a block has fallen."""
+    """Result of a primitive: reason of failure ("" for success), and whether a block has fallen."""
 
     reason: str
     ends_run: bool
@@ -62,9 +62,9 @@ class Gripper:
         tower, (u, v) = self.tower, push_axes(block)
         out = way_out(tower, block)
         if out < 2 * GRASP:
-            raise UserError(f"block {block} stands out by {1e3 * out:.0f} mm: push it further before it is extracted.")
+            raise UserError(f"block {block} protrudes by only {1e3 * out:.0f} mm: push it further before extraction.")
         before = tower.poses()
-        if block in tower.settings.hidden.glued:  # the jaws pull in vain: three blocks do not come out as one
+        if block in tower.settings.hidden.glued:  # glued blocks cannot be pulled out together
             return PrimitiveOutcome("it does not come out", False)
         aside = abs((self._grasped(block) - tower.reference[block, :3]) @ v)
         if self.settings.grasp_aside is not None and aside > self.settings.grasp_aside:
@@ -77,7 +77,7 @@ class Gripper:
             reason = LOST
         else:
             reason = self._damage(block, before)
-        # a held block may hang askew without falling
+        # a held block may hang at an angle without falling
         ends = tower.toppled(block) or (reason == LOST and block in tower.fallen())
         if reason == LOST:
             self.let_go()
@@ -104,7 +104,7 @@ class Gripper:
         return PrimitiveOutcome(reason, reason == FELL_FROM_TOP or tower.toppled(block))
 
     def _grasped(self, block: int) -> np.ndarray:
-        """Point of the block between the middles of the pads, (3,), m."""
+        """Grasp point of the block, midway between the pads, (3,), m."""
         along = self.tower.matrix(block)[:, 0]
         return self.tower.position(block) + (self.tower.sizes[block, 0] / 2.0 - GRASP) * along
 
@@ -149,18 +149,18 @@ class Gripper:
         return "tower damaged" if self.settings.is_damage(*self.tower.perturbation(block, before)) else ""
 
     def _target(self, block: int, layer: int, place: int) -> np.ndarray:
-        """x, y, z (m) and turn (rad) of a block just above its place, (4,), from the poses of the layer below."""
+        """Pose x, y, z (m), yaw (rad) of a block just above its place, (4,), from the poses of the layer below."""
         tower = self.tower
         below = [other for other in range(BLOCKS) if tower.layer[other] == layer - 1]
         centre = np.mean([tower.position(other) for other in below], axis=0)
         matrix = tower.matrix(below[int(np.argmin([abs(tower.place[other] - 1) for other in below]))])
-        # layers alternate by a quarter turn, as they were built
+        # successive layers are a quarter turn apart, as in the tower as built
         turn = _turn(matrix) + (np.pi / 2 if layer % 2 else -np.pi / 2)
         pitch = tower.settings.block[1] + tower.settings.gap
         across = np.array([-np.sin(turn), np.cos(turn)]) * (place - 1) * pitch
         top = max(tower.position(other)[2] + tower.sizes[other, 2] / 2.0 for other in below)
         held = tower.matrix(block)
-        hanging = np.abs(held[2]) @ tower.sizes[block] / 2.0  # half of its extent upwards, tilt included
+        hanging = np.abs(held[2]) @ tower.sizes[block] / 2.0  # half of its vertical extent, tilt included
         return np.array([*(centre[:2] + across), top + hanging + self.settings.release_height, turn])
 
     def _carry(self, pose: np.ndarray) -> None:
@@ -197,7 +197,7 @@ def _turn(matrix: np.ndarray) -> float:
 
 
 def free_places(tower: Tower, held: int) -> tuple[int, np.ndarray]:
-    """The layer being filled and its free places; if it is full, the next layer."""
+    """Layer that is being filled and its free places; if it is full, the next layer."""
     others = np.arange(BLOCKS) != held
     layer = int(tower.layer[others].max())
     taken = tower.place[others & (tower.layer == layer)]

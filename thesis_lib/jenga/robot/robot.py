@@ -1,17 +1,17 @@
-"""The point pusher: approach a block, push it in steps of 1 mm, lift and touch elsewhere, retract; and its sensors.
+"""The point pusher and its sensors: approach a block, push in steps of 1 mm, change the contact, retract.
 
 The finger is a sphere on a spring (stiffness k) at the end of an arm whose position is known exactly.  Against a block
-that does not move, the force climbs by k · 1 mm per step up to the arm's force limit.  Frame of a push: u along the
+that does not move, the force rises by k · 1 mm per step up to the arm's force limit.  Frame of a push: u along the
 layer's long axis, v = z × u.  An action is a contact location on the end face and a heading φ: the arm advances by
 1 mm (cos φ u + sin φ v).  To change the contact location the finger lifts, moves and presses again to the same
-deflection BEFORE the state s_t is read: no model could predict the force across a re-contact.
+deflection BEFORE the state s_t is read, because no model could predict the force across a re-contact.
 
-A push starts in contact, or `start_off` the block if the robot senses: then it first feels no block (thesis, figure
-5-8), and moves aside without coming nearer until it has met it.
+A push starts in contact or, with noisy sensors, `start_off` from the block: then it feels no block at first (thesis,
+figure 5-8), and until first contact it changes the contact location without coming nearer.
 
-The thesis contradicts itself: pushes of at most 45 mm are 0.6 of the block, but extraction is required beyond 3/4 (56
+The thesis is inconsistent here: pushes of at most 45 mm are 0.6 of the block, but extraction requires more than 3/4 (56
 mm).  Here the gripper takes over at `goal` = 33 mm: at 45 mm the centre of mass lies beyond the support (37.5 mm).
-config/chapter5_switches has the other reading, 56 mm with longer pushes, and the thesis's states without noise.
+config/chapter5_switches has the alternative, 56 mm with longer pushes, and the thesis's states without noise.
 
 Readings are z_t = s_t + noise, Gaussian and independent from reading to reading.  The camera sees little of a block at
 the start of a push, so pose noise falls with the advance a (thesis, section 5.5.4): σ_pose(a) = σ_last + (σ_first −
@@ -33,7 +33,7 @@ LIFT_TIME = 0.03  # s of each of the three moves of a re-contact
 
 
 def standard_deviations(advance: float, settings: SensingSettings) -> np.ndarray:
-    """Standard deviations (7,) of `STATE`, mm and N, at an advance, mm; 0 if the robot is told true states."""
+    """Standard deviations (7,) of readings, mm and N, at an advance (mm); 0 if the robot reads true states."""
     sigma = np.zeros(len(STATE))
     if not settings.exact:
         falling = (settings.pose_first - settings.pose_last) * np.exp(-max(advance, 0.0) / (MM * settings.pose_length))
@@ -44,7 +44,7 @@ def standard_deviations(advance: float, settings: SensingSettings) -> np.ndarray
 
 
 def reading(state: np.ndarray, settings: SensingSettings, rng: np.random.Generator) -> np.ndarray:
-    """A reading z_t of the true state s_t, (7,), mm and N (`samples.STATE`), by camera and force sensor."""
+    """Simulated reading z_t of the true state s_t, (7,), mm and N (`samples.STATE`), by camera and force sensor."""
     return state + standard_deviations(state[ADVANCE], settings) * rng.standard_normal(len(STATE))
 
 
@@ -55,12 +55,12 @@ def push_axes(block: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 def way_out(tower: Tower, block: int) -> float:
-    """Displacement of a block out of its place along its push, m."""
+    """Displacement of a block out of its place in the direction of its push, m."""
     return float((tower.position(block) - tower.reference[block, :3]) @ push_axes(block)[0])
 
 
 class Robot:
-    """Pushes blocks of one tower and reads the sensors, whose noise comes from `rng`; without, it is told true states.
+    """Pushes blocks of one tower and reads the sensors, with noise from `rng`; without `rng` it reads true states.
 
     After `start(block)`: `push_step(offset, heading)` any number of times, then `retract()`.  Arguments are in
     m; `state` and `observe` are in mm.
@@ -78,9 +78,9 @@ class Robot:
         self._seen: np.ndarray | None = None
 
     def start(self, block: int, offset: float = 0.0, off: float | None = None) -> np.ndarray:
-        """Bring the finger to a block's end face, at `offset` (m) across it; the first reading, (7,).
+        """Bring the finger to a block's end face, at `offset` (m) across it, and return the first reading, (7,).
 
-        off: m off the block, by default as `start_off` says.  UserError if the block cannot be reached, TowerError if
+        off: m off the block, by default from `start_off`.  UserError if the block cannot be reached, TowerError if
         the simulation breaks down.
         """
         if block not in REACHABLE:
@@ -106,7 +106,7 @@ class Robot:
         return self._look()
 
     def touch(self, offset: float) -> np.ndarray:
-        """Make contact at `offset` (m, across the face from its centre) with the same deflection; the reading, (7,).
+        """Move the contact to `offset` (m across the face), with the same deflection, and return the reading, (7,).
 
         Within `recontact` of the present contact nothing moves, and the last reading is returned.
         """
@@ -115,7 +115,7 @@ class Robot:
         if abs(here[1] - offset) <= self.settings.recontact:
             return self._seen
         pressed = self._pressed()
-        # found before lifting: a block that springs back is pressed to where it was
+        # computed before lifting: a block that springs back is pressed to where it was
         wanted = self._tip_place(offset)
         if not self._met:
             self._move(wanted - ((wanted - self.arm) @ self.u) * self.u, LIFT_TIME)
@@ -126,9 +126,9 @@ class Robot:
         return self._look()
 
     def push_step(self, offset: float, heading: float) -> tuple[np.ndarray, np.ndarray]:
-        """Contact at `offset` (m), then 1 mm with this heading (rad, 0 along the block).
+        """Make contact at `offset` (m), then advance 1 mm with this heading (rad, 0 along the block).
 
-        Readings after re-contact and after the advance, (7,) each.
+        Return the readings after re-contact and after the advance, (7,) each.
         """
         before = self.touch(offset)
         self.steps += 1
@@ -148,7 +148,7 @@ class Robot:
         return self.steps * self.settings.step >= self.settings.longest_push - 0.5 * self.settings.step
 
     def state(self) -> np.ndarray:
-        """The true state s_t, (7,), mm and N; see `samples.STATE`.  Displacements are since the push began."""
+        """True state s_t, (7,), mm and N; see `samples.STATE`.  Displacements are relative to the start of the push."""
         moved = self.tower.position(self.block) - self.start_position
         yaw = self._yaw() - self.start_yaw
         tower, _ = self.tower.perturbation(self.block, since=self.start_poses)
@@ -157,7 +157,7 @@ class Robot:
         return np.array([*pose, self.force @ self.u, self.force @ self.v, MM * advance, MM * tower])
 
     def reached_goal(self) -> bool:
-        """Whether the block is out far enough for the gripper."""
+        """Whether the block protrudes far enough for the gripper."""
         return way_out(self.tower, self.block) >= self.settings.goal
 
     def _pressed(self) -> float:
@@ -193,7 +193,7 @@ class Robot:
         self._met = self._met or self.force @ self.u > 0.0
 
     def _contact_force(self) -> np.ndarray:
-        """Force of the tip on what it touches, (3,), N."""
+        """Contact force that the tip exerts on other bodies, (3,), N."""
         data, force = self.tower.data, np.zeros(3)
         pairs = data.contact.geom
         for row in np.flatnonzero((pairs == self._tip).any(axis=1)):

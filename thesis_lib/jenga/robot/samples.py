@@ -1,10 +1,10 @@
-"""Samples of pushes: the robot's readings before and after each advance of 1 mm, common to all learners.
+"""Samples of pushes, the data of all learners: the robot's readings before and after each advance of 1 mm.
 
 A sample is the tuple (z_t, z_{t+1}, a_t) = (`state`, `next_state`, `action`) of the thesis (section 5.4.3); a push is a
 sequence of samples of one block.  State and next state are sensor readings, noise included.  Learners work in mm and N.
 Angles become lengths through the block's radius of gyration, as in the thesis: yaw · r_g, r_g = 23 mm.
 
-`truth` is the hidden label of the push: for evaluation only, never for learning.
+`truth` is the hidden label of the push; it is used for evaluation only, never for learning.
 Source: N. Fazeli et al., Science Robotics 4, eaav3123 (2019), doi 10.1126/scirobotics.aav3123.
 """
 
@@ -25,9 +25,9 @@ ACTION = ("offset", "heading")
 CONTEXT = ("layer", "side")
 GROUPS = {"state": STATE, "action": ACTION, "next_state": STATE, "context": CONTEXT}  # of numbers in a sample
 FREE, STUCK, UNKNOWN = 0, 1, -1
-KINDS = {STUCK: "stuck", FREE: "easy"}  # what pushes of such blocks are called
+KINDS = {STUCK: "stuck", FREE: "easy"}  # names of pushes of such blocks
 
-# Beyond what a push can give: the block has left the tower, or the tower has fallen.
+# Values outside these ranges cannot come from a push: the block has left the tower, or the tower has fallen.
 RANGE = {
     "x": (-6.0, 75.0),  # mm: the block's length, of which at most three quarters are pushed
     "y": (-25.0, 25.0),  # mm: one width sideways
@@ -38,7 +38,7 @@ RANGE = {
     "tower": (-5.0, 25.0),  # mm: a block that moved by its own width means a tower that fell
     "offset": (-12.5, 12.5),  # mm: the end face is 25 mm wide
     "heading": (-1.0, 1.0),  # rad
-    "layer": (0.0, 60.0),  # layers above: no more than blocks
+    "layer": (0.0, 60.0),  # number of layers above
     "side": (0.0, 1.0),
 }
 # N; some blocks of a standing tower resist more (the weight of one layer alone gives 0.35 N of friction)
@@ -51,7 +51,7 @@ class PushSamples:
     """Samples in order of collection.
 
     push: (n,) int, id of the push.  step: (n,) int, from 0 within the push.  state, next_state: (n, 7), mm and N, see
-    `STATE`; x, y, yaw and tower are displacements since the push began, as is the arm's advance.  `state` is
+    `STATE`; x, y, yaw, tower and the arm's advance are displacements since the push began.  `state` is
     read before the advance, after any re-contact.  action: (n, 2), mm and rad, see `ACTION`.  context: (n, 2), layers
     above the block; 0 middle or 1 side block.  truth: (n,) int, `FREE`, `STUCK` or `UNKNOWN`.  tower, block: (n,) int,
     seed of the tower and number of the block.  UserError for arrays of unequal length or rows outside `RANGE`.
@@ -101,23 +101,23 @@ class PushSamples:
         """UserError if none of at least `ENOUGH` samples reaches `RESISTANCE`: an exploded tower gives forces of 0."""
         if len(self) >= ENOUGH and self.next_state[:, F_N].max() < RESISTANCE:
             raise UserError(
-                f"samples: none of {len(self)} pushes of 1 mm met {RESISTANCE} N. Blocks of a standing tower do: "
-                "it was empty or had exploded. Check the tower's health and collect again."
+                f"samples: none of {len(self)} pushes of 1 mm met a resistance of {RESISTANCE} N; "
+                "the tower has exploded or is missing. Check the tower's health and collect again."
             )
 
     def select(self, rows: np.ndarray) -> "PushSamples":
-        """The samples of `rows` (indices or mask), in that order."""
+        """Return the samples of `rows` (indices or mask), in that order."""
         return replace(self, **{item.name: getattr(self, item.name)[rows] for item in fields(self)})
 
     def first(self, n: int) -> "PushSamples":
-        """The first `n` samples collected; UserError if there are fewer."""
+        """Return the first `n` samples collected; UserError if there are fewer."""
         if n > len(self):
-            raise UserError(f"{n} samples are asked for but only {len(self)} were collected; collect more.")
+            raise UserError(f"{n} samples are needed but only {len(self)} were collected; collect more.")
         return self.select(np.arange(n))
 
 
 def join(parts: list[PushSamples]) -> PushSamples:
-    """Concatenate, with pushes renumbered from 0; UserError without parts."""
+    """Concatenate samples, with pushes renumbered from 0; UserError if `parts` is empty."""
     if not parts:
         raise UserError("samples: nothing to join; collect from at least one tower.")
     numbered, start = [], 0
@@ -135,7 +135,7 @@ _COLUMNS = {group: [f"{group[0]}_{name}" for name in names] for group, names in 
 
 
 def as_table(samples: PushSamples) -> pd.DataFrame:
-    """A row per sample: push, step, tower, block, s_*, a_*, n_*, c_*, truth."""
+    """Table with a row per sample: push, step, tower, block, s_*, a_*, n_*, c_*, truth."""
     table = {name: getattr(samples, name) for name in _INTEGERS[:-1]}
     for group, names in _COLUMNS.items():
         table |= dict(zip(names, getattr(samples, group).T))
@@ -143,13 +143,13 @@ def as_table(samples: PushSamples) -> pd.DataFrame:
 
 
 def write_samples(samples: PushSamples, path: str | Path) -> None:
-    """Write one CSV.  Errors as in `PushSamples.check_resistance`."""
+    """Write samples to a CSV file.  Errors as in `PushSamples.check_resistance`."""
     samples.check_resistance()
     write_table(as_table(samples), path)
 
 
 def read_samples(path: str | Path) -> PushSamples:
-    """Read what `write_samples` wrote.  Errors as in `read_table`, `PushSamples` and `PushSamples.check_resistance`."""
+    """Read a file of `write_samples`.  Errors as in `read_table`, `PushSamples` and `PushSamples.check_resistance`."""
     columns = [*_INTEGERS, *(name for names in _COLUMNS.values() for name in names)]
     table = read_table(path, columns)
     groups = {group: table[names].to_numpy() for group, names in _COLUMNS.items()}

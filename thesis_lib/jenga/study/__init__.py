@@ -1,1 +1,1 @@
-"""The study of chapter 5: samples, games, learned models, showcases."""
+"""The study of chapter 5: collection of samples, games, learned models, showcases."""

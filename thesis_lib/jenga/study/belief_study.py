@@ -1,17 +1,16 @@
-"""Statements of the thesis on figure 5-8, as numbers over all held-out pushes: the order in which beliefs change.
+"""Statements of the thesis on figure 5-8, tested on all held-out pushes: the order in which beliefs change.
 
-Thesis, section 5.5.4.  A stuck block: at first most probability mass is on "no block"; as the force climbs, "no move"
-and "hard move" grow; "hard move" loses again in the next few steps.  A block that moves easily: "no block" first, then
-"easy move", with very low probabilities for the others.  Forces drive the inference at first, configurations further
-along.
+Thesis, section 5.5.4.  A stuck block: at first most probability mass is on "no block"; as the force rises, "no move"
+and "hard move" grow; "hard move" falls again in the next few steps.  A block that moves easily: "no block" first, then
+"easy move", with very low probabilities for the others.  Forces drive the inference at first, configurations later.
 
-The evidence of readings D (forces, or displacements) of one sample for
-stuck (S) against the other abstractions (F), counted towards the truth, is the growth of the log odds
+The evidence that readings D (forces, or displacements) of one sample give for the stuck abstractions (S) against the
+others (F), positive if it favours the truth, is the growth of the log odds
 
     ± [ log Σ_{k∈S} w_k p_k(z_D) / Σ_{k∈F} w_k p_k(z_D)  −  log Σ_{k∈S} w_k / Σ_{k∈F} w_k ]
 
-with w the weights before the sample.  Values are means over pushes, with their standard error over pushes and, where
-several training sets have a learner, the variance between those over their number added.
+with w the weights before the sample.  Values are means over pushes, with standard errors over pushes; for learners of
+several training sets, the variance between the sets divided by their number is added.
 """
 
 from collections.abc import Sequence
@@ -28,7 +27,7 @@ from thesis_lib.statistics.wording import ends
 
 FORCES, POSES = (F_N, F_T), (X, Y, YAW, TOWER)
 EARLY = 3  # samples of the initial phase
-LATE = 5  # samples after which configurations count as informative; pushes without a later one tell nothing of it
+LATE = 5  # samples after which configurations count as informative; pushes without later samples do not show this
 QUANTITIES = (
     "stuck_no_block_first",
     "stuck_resists",
@@ -41,14 +40,14 @@ QUANTITIES = (
 
 
 def belief_table(learners: Sequence[Hma], samples: PushSamples) -> pd.DataFrame:
-    """Rows of quantity (`QUANTITIES`), value, std, low, high (95 %), n (pushes) for learners of one size.
+    """Table of quantity (`QUANTITIES`), value, std, low, high (95 %), n (pushes) for learners of one training size.
 
     stuck_no_block_first, easy_no_block_first: p(no block) after the first sample, pushes of stuck and of free blocks.
     stuck_resists: growth of 1 − p(no block) − p(easy move) from before contact to the last sample, stuck blocks.
     stuck_hard_move_falls: growth of p(hard move) from the `EARLY`-th to the last sample, stuck blocks.  easy_settles:
-    p(easy move) at the last sample, free blocks.  force_leads_early: evidence (nats) of forces less that of
-    displacements in the first `EARLY` samples.  poses_gain_later: evidence a sample of displacements after `LATE`
-    samples less that in the first `EARLY`.
+    p(easy move) at the last sample, free blocks.  force_leads_early: evidence (nats) from forces minus that from
+    displacements in the first `EARLY` samples.  poses_gain_later: evidence per sample from displacements after `LATE`
+    samples minus that in the first `EARLY`.
     """
     of_learners = [_of_one(learner, samples) for learner in learners]
     rows = []
@@ -69,7 +68,7 @@ def belief_table(learners: Sequence[Hma], samples: PushSamples) -> pd.DataFrame:
 
 
 def _of_one(learner: Hma, samples: PushSamples) -> pd.DataFrame:
-    """Each quantity for each push, NaN where the push does not show it."""
+    """Value of each quantity in each push, NaN where the push does not have it."""
     belief = filtered(learner, samples)
     named = {
         name: belief[:, [each.startswith(name) for each in learner.names]].sum(axis=1)
@@ -94,9 +93,9 @@ def _of_one(learner: Hma, samples: PushSamples) -> pd.DataFrame:
 
 
 def evidence(learner: Hma, samples: PushSamples, belief: np.ndarray, seen: Sequence[int]) -> np.ndarray:
-    """Growth (n,) of the log odds of stuck, towards the truth, by the readings `seen`; NaN without such abstractions.
+    """Growth (n,) of the log odds of the truth (stuck or free) by the readings `seen`; NaN without stuck abstractions.
 
-    belief (n, K): before each sample.
+    belief: (n, K), before each sample.
     """
     stuck = stuck_group(learner)
     if stuck.all() or not stuck.any():

@@ -1,13 +1,12 @@
-"""Collection by the base exploration policy: a random block, random contact locations and headings, early retreat.
+"""Collection of samples by the base exploration policy: random block, contact locations and headings; early retreat.
 
 A run on one tower tries blocks in random order until one falls, all 45 have been tried, or there are enough samples.
-A push ends when the robot gives up (at random, so that 100 samples hold both stuck and free blocks), sees the tower
-move too far, reads a force above the limit (if there is one), sees the block leave its way, has pushed as far as it
-may, or has the block out far enough, which is then extracted and placed.  A fall ends the run, and the sample in which
-it happens is discarded.  At times a push misses: it meets nothing, and has no hidden label.  Each tower has its own
-random stream.  The hidden label of a push (`PushSamples.truth`) comes from a trial push just before it, which takes
-about as long as the push itself: samples to learn from go without it (`UNKNOWN`) and are otherwise the same to the last
-bit.
+A push ends when the robot gives up (at random, so that 100 samples contain stuck and free blocks), measures that the
+tower moves too far, a force is above the limit (if any) or the block leaves its path, has pushed as far as allowed, or
+has the block far enough out, which is then extracted and placed.  A fall ends the run, and the sample in which it
+happens is discarded.  If `miss` is set, some pushes touch nothing and have no hidden label.  Each tower has its own
+random stream.  The hidden label of a push (`PushSamples.truth`) comes from a trial push just before it, about as long
+as the push itself.  Training samples are collected without it (`UNKNOWN`), otherwise identical to the last bit.
 """
 
 from collections.abc import Sequence
@@ -24,8 +23,8 @@ from thesis_lib.jenga.robot.samples import F_N, MM, RANGE, STATE, TOWER, UNKNOWN
 from thesis_lib.jenga.tower.settings import Setup
 from thesis_lib.jenga.tower.tower import REACHABLE, TowerError, check_standing, reduce, settled_tower
 
-APART = 1000  # seeds from one training set to the next
-REFUSED = 3  # unusable towers in a row that point to the settings, not the tower
+APART = 1000  # difference between the first seeds of successive training sets
+REFUSED = 3  # number of unusable towers in a row that indicates faulty settings rather than a faulty tower
 ATTEMPT = ("tower", "block", "layer", "side", "truth", "steps", "pushed", "extracted", "placed", "reason")
 
 
@@ -39,7 +38,7 @@ class _Run:
         self.tower = settled_tower(seed, setup)
 
     def try_block(self, block: int, limit: int) -> bool:
-        """Try one block; whether the run continues."""
+        """Try one block, and return whether the run continues."""
         reduced = self.setup.collect.reduced
         tower = reduce(self.tower, block) if reduced else self.tower
         share = self.setup.collect.miss
@@ -48,10 +47,10 @@ class _Run:
             truth = hidden_label(tower, block, self.setup.movable)
         else:
             truth = UNKNOWN
-            tower.load(tower.save())  # poses of the present state instead of the last step's, as after a trial push
+            tower.load(tower.save())  # recompute the poses from the present state, as after a trial push
         robot = Robot(tower, self.setup.sensing, self.rng)
         first, where = len(self.rows), (tower.layer[block], int(tower.is_side(block)))
-        # a block that is not there: the finger starts further off than the longest push
+        # simulate a missing block: the finger starts further off than the longest push
         off = 2.0 * tower.robot_settings.longest_push if missed else None
         reason = self._push(robot, block, truth, limit, off)
         fell = reason in ("dropped", "tower toppled")
@@ -124,10 +123,10 @@ def explore_tower(
     *,
     label: bool = True,
 ) -> tuple[PushSamples | None, pd.DataFrame]:
-    """At most `limit` samples of one tower (None without any), and a table of the blocks tried.
+    """Collect at most `limit` samples of one tower (None if there are none), with a table of the blocks tried.
 
-    blocks: candidates, tried in random order.  seed: of the tower; with base_seed it also fixes the policy's choices
-    and the noise.  label: find the hidden label of each block before it is pushed.  Columns of the table: `ATTEMPT`;
+    blocks: candidates, tried in random order.  seed: of the tower; with base_seed, it also fixes the policy's choices
+    and the noise.  label: determine each block's hidden label before it is pushed.  Columns of the table: `ATTEMPT`;
     extracted and placed are -1 if not tried.  TowerError if the tower does not stand when settled, or the simulation
     breaks down.
     """
@@ -142,9 +141,9 @@ def explore_tower(
 def collect(
     n: int, first_seed: int, base_seed: int, setup: Setup | None = None, per_tower: int = 100, *, label: bool = True
 ) -> tuple[PushSamples, pd.DataFrame]:
-    """`n` samples from towers first_seed, first_seed + 1, …, at most `per_tower` of each, and their tables.
+    """Collect `n` samples from towers first_seed, first_seed + 1, …, at most `per_tower` of each; samples and table.
 
-    An unusable tower gives no samples and one row of the table: block -1, the error as reason.  TowerError for
+    An unusable tower gives no samples and one row of the table, with block -1 and the error as reason.  TowerError for
     `REFUSED` unusable towers in a row.
     """
     parts, tables, seed, refused = [], [], first_seed, 0
@@ -170,7 +169,7 @@ def collect(
 def collect_named(
     name: str, most: int, setup: Setup, towers: TowerChoice, choice: SampleChoice, seed: int
 ) -> tuple[PushSamples, pd.DataFrame]:
-    """Samples of "set_0", "set_1", ... (`most` of each, unlabelled) or of "held_out", and the table of blocks tried."""
+    """Collect "set_0", "set_1", ... (`most` samples, unlabelled) or "held_out"; samples and table of blocks tried."""
     if name == "held_out":
         return collect(choice.held_out, towers.first_held_out + 1, seed, setup, choice.per_tower)
     first = towers.first_training + int(name.split("_")[1]) * APART

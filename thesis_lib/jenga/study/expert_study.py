@@ -1,13 +1,13 @@
-"""How many experts a mixture of regressions needs, by cross-validation and on pushes of other towers.
+"""Number of experts that a mixture of regressions needs, by cross-validation and on pushes of other towers.
 
-For each training set and each number of experts K two scores, in nats per sample beyond those of one expert:
+For each training set and each number of experts K, there are two scores, in nats per sample beyond one expert:
 
     gain(K) = mean over samples of log p(Δ | x, K experts) − log p(Δ | x, 1 expert)
 
-once by 5-fold cross-validation over the pushes of the training set (as `mor` chooses K), once for experts fitted to all
-of it on held-out pushes.  Standard errors are those over pushes: with S_j the sum over push j of n_j samples, N = Σ n_j
+one by 5-fold cross-validation over the pushes of the training set (as `mor` chooses K), one for experts fitted to all
+of it on held-out pushes.  Standard errors are clustered by push: with S_j the sum over push j of n_j samples, N = Σ n_j
 and m = Σ S_j / N, their square is Σ_j (S_j − m n_j)² / N².  For a mean over training sets, which share the held-out
-pushes, the variance between sets over their number is added.
+pushes, the variance between sets divided by their number is added.
 
 Source: thesis, section 5.7: "the number of mixtures ranges from 2 to 11 (determined using 5-fold cross-validation)";
 a large number "increases the parameter space, requiring more data to learn".
@@ -36,12 +36,12 @@ def expert_tables(
     settings: LearnerSettings,
     rng: np.random.Generator,
 ) -> dict[str, pd.DataFrame]:
-    """The tables of `sizes` samples of each of `sets`.
+    """Tables for each number of samples in `sizes`, taken from the start of each of `sets`.
 
     experts: size, set, experts, cv, cv_std, held_out, held_out_std (gains and their standard errors), chosen (0 or 1,
     by cross-validation).  experts_summary: quantity, size (0: all), value, std, low, high (95 %, normal), n (fits):
     fewest and most, the smallest and largest number chosen; chosen_gain, held-out gain of the chosen number;
-    many_minus_few, that of 11 less that of 2.
+    many_minus_few, held-out gain of 11 experts minus that of 2.
     """
     tables, rows = [], []
     for size in sizes:
@@ -70,14 +70,14 @@ def _of_one(
     settings: LearnerSettings,
     rng: np.random.Generator,
 ) -> tuple[pd.DataFrame, dict[int, np.ndarray]]:
-    """Rows of one training set, and the held-out log density (n,) for each number of experts."""
+    """Table of one training set, and the held-out log density (n,) for each number of experts."""
     learner = Mor(settings)
     inputs, y = learner.scale(samples)
     x, numbers = with_one(inputs), sorted({*range(choice.fewest, choice.most + 1), FEW, MANY})
     scores = cross_validated(x, y, samples.push, numbers, settings.experts, rng)
     other = with_one(learner.scaling.inputs(held_out.state, held_out.action, held_out.context))
     changes = learner.scaling.outputs(held_out.state, held_out.next_state)
-    # as in cross-validation: training sets average over starts
+    # one start, as in cross-validation: the mean over training sets also averages over starts
     once = settings.experts.model_copy(update={"restarts": 1})
     held = {k: em(x, y, k, once, rng).log_density(other, changes) for k in numbers}
     chosen = max(scores, key=lambda k: scores[k].sum())
@@ -90,7 +90,7 @@ def _of_one(
 
 
 def clustered(values: np.ndarray, samples: PushSamples) -> tuple[float, float]:
-    """Mean of values (n,) of samples, and its standard error over pushes."""
+    """Mean of values (n,) of samples, and its standard error clustered by push."""
     groups = push_groups(samples)
     sums, counts = np.array([values[rows].sum() for rows in groups]), np.array([len(rows) for rows in groups])
     mean = sums.sum() / counts.sum()

@@ -1,15 +1,15 @@
-"""An effect that the learner has never seen: is it noticed, where, and does relearning with few samples help?
+"""Effects absent from training: are they detected and located, and does relearning with few samples help?
 
-On towers with the effect the base policy pushes blocks that have it, and as many others.  On the first half of the
-towers the predictive check says which pushes the learned abstractions do not explain, which abstraction fails, and
-whether a new one is needed; it is learned from the failing pushes alone.  The error on the other half is
+On towers with the effect, the base policy pushes blocks that have it and as many others.  On the first half of the
+towers, the predictive check determines which pushes the learned abstractions do not explain, which abstraction fails,
+and whether a new one is needed, which is then learned from the failing pushes alone.  The error on the other half is
 
     e = mean over samples and readings of |z − ẑ|/σ_Δ,    σ_Δ the spread of training's changes, ẑ the mixture's mean
 
-with the belief filtered along each push, and a 95 % interval over pushes.  Neither half uses which blocks have the
-effect: that only selects the pushed blocks and groups the results.
+with the belief filtered along each push, and a 95 % interval over pushes.  The list of blocks with the effect only
+selects the blocks to push and groups the results; neither half uses it otherwise.
 
-Source: thesis, section 5.8, has models that notice what they do not explain as a goal; the procedure is an own choice.
+Source: thesis, section 5.8, names models that detect what they do not explain as a goal.  The procedure is our own.
 """
 
 from collections.abc import Callable
@@ -33,7 +33,7 @@ from thesis_lib.statistics.intervals import student_mean
 
 
 def hidden_of(effect: str, choice: HiddenChoice) -> tuple[HiddenEffects, tuple[int, ...]]:
-    """The effect and the blocks that have it; UserError for an unknown effect."""
+    """Settings of an effect and the blocks that have it; UserError for an unknown effect."""
     layer = tuple(range(PER_LAYER * choice.layer, PER_LAYER * (choice.layer + 1)))
     known = {
         "glued": (HiddenEffects(glued=layer), layer),
@@ -41,7 +41,7 @@ def hidden_of(effect: str, choice: HiddenChoice) -> tuple[HiddenEffects, tuple[i
         "heavy_tool": (HiddenEffects(pusher_mass=choice.pusher_mass), tuple(REACHABLE)),
     }
     if effect not in known:
-        raise UserError(f"there is no hidden effect {effect}; known are {', '.join(known)}.")
+        raise UserError(f"there is no hidden effect {effect}; choose one of {', '.join(known)}.")
     return known[effect]
 
 
@@ -55,10 +55,10 @@ def hidden_study(
     base_seed: int,
     rng: np.random.Generator,
 ) -> dict[str, pd.DataFrame]:
-    """The whole procedure for one effect; `reference` are held-out samples of towers without it.
+    """Carry out the procedure for one effect; `reference` holds held-out samples of towers without it.
 
     summary: one row: p_value, new_abstraction (0 or 1), numbers of pushes and of failing pushes with and without the
-    effect, the abstraction that fails most, number of samples relearned from.  pushes: a row per push of the first half
+    effect, the abstraction that fails most, number of samples for relearning.  pushes: a row per push of the first half
     (`predictive_check`) with affected (0 or 1).  errors: stage (before, relearned), group (affected, others), error,
     low, high, n.  UserError if one half of the towers gave no samples.
     """
@@ -76,7 +76,7 @@ def hidden_study(
         if samples is not None:
             halves[int(i >= choice.towers // 2)].append(samples)
     if not all(halves):
-        raise UserError(f"{effect}: no samples of one half of the towers; give more towers than {choice.towers}.")
+        raise UserError(f"{effect}: one half of the towers gave no samples; use more towers than {choice.towers}.")
     seen, fresh = (join(parts) for parts in halves)
     pushes, p_value = predictive_check(learner, seen, reference, rng)
     by_abstraction = pushes.groupby("abstraction").agg({"fails": "sum", "distance": "mean"})
@@ -105,7 +105,7 @@ def hidden_study(
 
 
 def error_rows(learner: Hma, samples: PushSamples, affected_blocks: tuple[int, ...]) -> pd.DataFrame:
-    """Rows of group, error, low, high, n: pushes of blocks in `affected_blocks`, and of the others."""
+    """Table of group, error, low, high, n: pushes of blocks in `affected_blocks`, and of the others."""
     mean, _ = predictions(learner, samples)
     dims = list(SEEN)
     off = (np.abs(samples.next_state - mean) / learner.scaling.change)[:, dims].mean(axis=1)
@@ -125,7 +125,7 @@ def hidden_tables(
     rng: np.random.Generator,
     say: Callable[[str], None] = lambda _: None,
 ) -> dict[str, pd.DataFrame]:
-    """summary, pushes and errors of all effects in the settings, for one learner of all `samples`."""
+    """Tables summary, pushes and errors of all effects in the settings, for one learner trained on all `samples`."""
     learner = learner_of("hma", settings).fit(samples, rng)
     results = []
     for i, effect in enumerate(settings.hidden.effects):

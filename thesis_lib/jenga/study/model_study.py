@@ -1,11 +1,11 @@
-"""Content of a learned model: abstractions against hidden truth, forces against the friction cone and the height.
+"""Evaluation of a learned model: abstractions against hidden truth, forces against friction cone and height.
 
-Held-out pushes come from towers that no learner has seen.  The belief is filtered along each push as in a game; an
-abstraction is described by the predictions for samples in which it is the most likely one.  The forces f_n and f_t
+Held-out pushes come from towers not used in training.  The belief is filtered along each push as in a game; an
+abstraction is described by predictions for the samples in which it is the most likely one.  The forces f_n and f_t
 (figure 5-7A, N) are predictions of the next reading.
 
-A prediction lies inside the cone if |f_t| ≤ μ f_n + n σ, with μ = 0.42 of finger on wood, σ the noise of a force
-reading and n = `SLACK`: both readings and predictions learned from them are noisy.
+A prediction lies inside the cone if |f_t| ≤ μ f_n + n σ, with μ = 0.42 for finger on wood, σ the noise of a force
+reading and n = `SLACK`, because readings and the predictions learned from them are noisy.
 Source: thesis, section 5.5.4 and figure 5-7.
 """
 
@@ -35,13 +35,13 @@ def filtered(learner: Learner, samples: PushSamples) -> np.ndarray:
 
 
 def predictions(learner: Learner, samples: PushSamples) -> tuple[np.ndarray, np.ndarray]:
-    """Mean next reading (n, 7), mm and N, and weights (n, K) of the abstractions, with the filtered belief."""
+    """Predicted mean of the next reading (n, 7), mm and N, and weights (n, K) of abstractions, with filtered belief."""
     predicted = learner.predict(samples.state, samples.action, samples.context, filtered(learner, samples))
     return predicted.moments()[0], predicted.weight
 
 
 def cone_table(learner: Hma, samples: PushSamples, setup: Setup) -> pd.DataFrame:
-    """Predicted forces (figure 5-7A): push, step, f_n, f_t (N), abstraction (name), inside (0 or 1)."""
+    """Table of predicted forces (figure 5-7A): push, step, f_n, f_t (N), abstraction (name), inside (0 or 1)."""
     mean, weight = predictions(learner, samples)
     f_n, f_t = mean[:, F_N], mean[:, F_T]
     limit = setup.robot.tip_friction * np.maximum(f_n, 0.0) + SLACK * setup.sensing.force
@@ -51,9 +51,9 @@ def cone_table(learner: Hma, samples: PushSamples, setup: Setup) -> pd.DataFrame
 
 
 def height_table(learner: Hma, samples: PushSamples, setup: Setup) -> pd.DataFrame:
-    """A row per held-out push (figure 5-7B): push, block, height_mm, f_n, f_n_pred (predicted), abstraction, truth.
+    """Table with a row per held-out push (figure 5-7B): push, block, height_mm, f_n, f_n_pred, abstraction, truth.
 
-    Both forces (N) are means over the last half of the push, when the finger no longer bends further.
+    Both forces, measured and predicted (N), are means over the second half of a push, when the finger bends no further.
     """
     mean, weight = predictions(learner, samples)
     rows = []
@@ -69,7 +69,7 @@ def height_table(learner: Hma, samples: PushSamples, setup: Setup) -> pd.DataFra
 
 
 def looks(learners: Mapping[tuple[int, int], Hma], samples: PushSamples) -> pd.DataFrame:
-    """Looks of the abstractions of `learners` by (size, set): size, set, columns of `abstraction_table`, stuck_share.
+    """Table of the abstractions of `learners` by (size, set): size, set, columns of `abstraction_table`, stuck_share.
 
     stuck_share: share of stuck blocks among the held-out pushes that end in the abstraction (NaN without any).
     """
@@ -85,7 +85,7 @@ def looks(learners: Mapping[tuple[int, int], Hma], samples: PushSamples) -> pd.D
 
 
 def summary(cone: pd.DataFrame, height: pd.DataFrame, rng: np.random.Generator) -> pd.DataFrame:
-    """Figure 5-7 in numbers: quantity, value, std, low, high (bootstrap over pushes), n (pushes).
+    """Summary of figure 5-7: quantity, value, std, low, high (bootstrap over pushes), n (pushes).
 
     inside_cone: share of predictions inside the friction cone.  height_correlation: rank correlation of a push's force
     with the height of the block; height_correlation_predicted: the same for the predicted force.
@@ -109,17 +109,17 @@ def summary(cone: pd.DataFrame, height: pd.DataFrame, rng: np.random.Generator) 
 
 
 def of_one(looks: pd.DataFrame) -> pd.DataFrame:
-    """Abstractions of the first set at the largest size, for the figure."""
+    """Rows of the first set at the largest size, for the figure."""
     return looks[(looks["size"] == looks["size"].max()) & (looks["set"] == looks["set"].min())]
 
 
 def agreements(
     learners: Mapping[tuple[int, int], Hma], samples: PushSamples, setup: Setup, rng: np.random.Generator
 ) -> pd.DataFrame:
-    """Stuck or free after the first steps at the block, learned without truth: a row per (size, set), and the mean per
-    size.
+    """Agreement of pushes called stuck or free after the first steps with the true label, not used in training.
 
-    Columns size, set (-1 for the mean), balanced_accuracy, low, high (bootstrap over pushes; for the mean: lowest and
+    There is a row per (size, set), and one with the mean for each size.
+    Columns: size, set (-1 for the mean), balanced_accuracy, low, high (bootstrap over pushes; for the mean: lowest and
     highest set), rand_index, n_stuck, n_free, n_abstractions, n_stuck_abstractions.
     """
     rows, robot = [], setup.robot

@@ -1,8 +1,8 @@
-"""Showcases: pushes of a stuck and an easy block with the belief over abstractions, and frames of a game.
+"""Showcases: belief over abstractions during pushes of a stuck and an easy block, and frames of a game.
 
-Figure 5-8 has straight, centred pushes of the first stuck and the first free block of a held-out tower; the hidden
-label only selects the blocks.  It shows each abstraction's prediction of the next reading and the belief of the filter
-after each step, and now and then that of the No-U-Turn sampler on the same readings.
+Figure 5-8 shows straight, centred pushes of the first stuck and the first free block of a held-out tower; the hidden
+label only selects the blocks.  It has each abstraction's prediction of the next reading and the belief of the filter
+after each step and, every few steps, the belief of the No-U-Turn sampler from the same readings.
 
 Source: thesis, section 5.5.4, figure 5-8.
 """
@@ -24,13 +24,13 @@ from thesis_lib.jenga.study.showcase_nuts import Sampler, agreement
 from thesis_lib.jenga.tower.settings import Setup
 from thesis_lib.jenga.tower.tower import REACHABLE, settled_tower
 
-SHOWN = 1  # seed of the development tower whose game is drawn: test towers are not shown
+SHOWN = 1  # seed of the development tower whose game is drawn; test towers are not shown
 STEERED = (1, 2, 3, 4, 0)  # seeds of the development towers whose blocks are steered
 PICTURES = 6
 
 
 def straight_pushes(seed: int, setup: Setup, steps: int, rng: np.random.Generator) -> dict[str, dict[str, np.ndarray]]:
-    """Readings (steps + 1, 7), mm and N, actions (steps, 2), context (2,), block of both `KINDS`; UserError without."""
+    """Readings (steps + 1, 7), mm and N, actions (steps, 2), context (2,), block by kind; UserError without one."""
     tower = settled_tower(seed, setup)
     settled = tower.save()
     pushes: dict[str, dict[str, np.ndarray]] = {}
@@ -50,7 +50,7 @@ def straight_pushes(seed: int, setup: Setup, steps: int, rng: np.random.Generato
         if len(pushes) == len(KINDS):
             return pushes
     missing = ", ".join(set(KINDS.values()) - set(pushes))
-    raise UserError(f"tower {seed} has no {missing} block to show: take another seed.")
+    raise UserError(f"tower {seed} has no {missing} block to show; choose another seed.")
 
 
 def showcase_table(
@@ -61,7 +61,7 @@ def showcase_table(
     rng: np.random.Generator,
     say: Callable[[str], None] = lambda _: None,
 ) -> tuple[pd.DataFrame, pd.DataFrame]:
-    """Figure 5-8: a row per case, step and abstraction, and diagnostics of the sampler: a row per run.
+    """Data of figure 5-8 (a row per case, step and abstraction) and diagnostics of the sampler (a row per run).
 
     Columns belief (filter), belief_nuts (NaN between runs), f_n, x, tower (readings), f_n_pred, x_pred.
     """
@@ -90,7 +90,7 @@ def showcase_table(
 
 
 def frames(game: Game) -> tuple[list[np.ndarray], np.ndarray, list[str], list[int]]:
-    """At most `PICTURES` frames: poses (54, 7) of each, sizes (54, 3), titles, and extracted blocks (-1: none)."""
+    """Choose at most `PICTURES` frames: poses (54, 7) of each, sizes (54, 3), titles, extracted blocks (-1: none)."""
     chosen = np.unique(np.linspace(0, len(game.frames) - 1, PICTURES).astype(int))
     shown = [game.frames[i] for i in chosen]
     titles = [f"{title} ({i} out)" if i else title for i, (title, _, _) in zip(chosen, shown)]

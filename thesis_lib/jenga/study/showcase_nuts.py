@@ -1,7 +1,7 @@
-"""Posterior over states and abstraction of one push by the No-U-Turn sampler, for the showcase pushes (figure 5-8).
+"""Posterior over states and abstraction of a push by the No-U-Turn sampler (NUTS), for the pushes of figure 5-8.
 
     p(s_{0:t}, c | z_{0:t}) ∝ b_0(c) Π_i Normal(z_i; s_i, Σ_z) Π_i Normal(s_{i+1}; f_c(s_i, a_i), Q_c(s_i, a_i))
-    each abstraction has its own states s^k, and those of the others follow pseudo-priors ψ:
+    each abstraction has its own states s^k, and the states of the others follow pseudo-priors ψ:
     log Σ_k exp[log b_0(k) + log p(z, s^k | k) − log ψ_k(s^k)] + Σ_k log ψ_k(s^k),   p(c | z) = E [p(c | s^1 … s^K)]
 
 States common to all abstractions mix badly: chains do not cross from the prediction of one abstraction to another.
@@ -38,7 +38,7 @@ LEAST_CURVATURE = 0.5
 
 @dataclass(frozen=True)
 class Posterior:
-    """Posterior of one push.
+    """Posterior distribution of one push.
 
     belief: p(c | z) (K,).  state_mean, state_std: s (t + 1, 7), mm and N; `advance` is known exactly.  r_hat, ess:
     largest R̂ and smallest effective sample size over states and abstraction probabilities.  divergences: of all draws.
@@ -72,7 +72,7 @@ def log_transitions(layers: list, scaling: Any, noise: Any, states: Any, actions
 
 
 class Sampler:
-    """Samples posteriors with one learner; pushes of equal length share one compilation, slower than the draws."""
+    """Samples posteriors with one learner; pushes of equal length share one compilation, slower than the sampling."""
 
     def __init__(self, learner: Hma, settings: NutsSettings):
         self.learner, self.settings = learner, settings
@@ -102,7 +102,7 @@ class Sampler:
         samples, diverging = self._draw(key, prior, push, *self._laplace(push, shape[0] * shape[1]))
         drawn = {name: np.asarray(value, float) for name, value in samples.items()}
         belief = drawn["c"]
-        # a probability that stays at 0 or 1 has no variance, hence neither R̂ nor ESS
+        # a probability that stays at 0 or 1 has no variance, so its R̂ and ESS are undefined
         moving = belief.std(axis=(0, 1)) > 1e-4
         all_of = np.concatenate([drawn["e"], belief[..., moving]], axis=2)
         mean, std, sigma = readings.copy(), np.zeros_like(readings), np.asarray(self._sigma)
@@ -137,7 +137,7 @@ class Sampler:
                 method="L-BFGS-B",
             )
             values, vectors = np.linalg.eigh(np.asarray(self._curvature(jnp.asarray(optimum.x), layers, push), float))
-            # readings alone give curvature 1; networks may lower it, so a bound keeps ψ from growing without limit
+            # readings alone give curvature 1; networks may lower it, so a bound keeps the spread of ψ finite
             deviation = 1.0 / np.sqrt(np.maximum(values, LEAST_CURVATURE))
             modes.append(optimum.x)
             roots.append(vectors * deviation)
@@ -145,7 +145,7 @@ class Sampler:
         return jnp.asarray(np.array(modes)), jnp.asarray(np.array(roots)), jnp.asarray(np.array(dets))
 
     def _chains(self, key: Any, prior: Any, push: tuple, mode: Any, root: Any, log_det: Any) -> tuple[dict, Any]:
-        """Draws of u by NUTS: derived quantities (chains, draws, …), and which draws diverged."""
+        """Run NUTS over u: derived quantities (chains, draws, …), and a mask of divergent draws."""
 
         def model() -> None:
             u: Any = numpyro.sample("u", numpyro.distributions.Normal(0.0, 1.0).expand(mode.shape).to_event(2))
@@ -173,9 +173,9 @@ class Sampler:
 
 
 def agreement(bank: KalmanBank, posterior: Posterior) -> dict[str, float]:
-    """Distance between filter bank and sampler after the same readings.
+    """Distance between the results of filter bank and sampler after the same readings.
 
-    belief_apart: total variation; state_apart: largest difference of the last state's mean, in posterior deviations.
+    belief_apart: total variation; state_apart: largest difference of the last state's means, in posterior deviations.
     """
     dims = [d for d in SEEN if d != ADVANCE]
     apart = np.abs(bank.moments()[0] - posterior.state_mean[-1])[dims] / posterior.state_std[-1][dims]

@@ -1,13 +1,13 @@
-"""Block steering (figure 5-9): after an off-centre push a block turns and drifts; does the controller bring it back?
+"""Block steering (figure 5-9): an off-centre push makes a block turn and drift; does the controller bring it back?
 
 Free blocks of development towers are pushed near one edge of the end face until they begin to rotate, as in the figure.
-A neighbour holds about half of them, which then hardly turn: such a push is left out before anybody steers.  The others
-continue from the same state and noise in two ways: straight at the centre, or by model predictive control on the
-learned model with the weights `ShowcaseChoice.steering` (a block out askew costs little with the weights of the games).
+About half of them are held by a neighbour and hardly turn; these are left out before steering begins.  The others
+continue from the same state and noise in two ways: straight at the centre, or by model predictive control with the
+learned model and the weights `ShowcaseChoice.steering` (in the games a misaligned block costs little).
 
     stray = (y² + ψ²)^½ of the true state at the end, ψ = yaw · r_g, in mm
 
-Label and true state select and judge the pushes; the controller sees readings only.
+The hidden label and the true state select and evaluate the pushes; the controller sees readings only.
 
 Source: thesis, section 5.5.4, figure 5-9; disturbance and comparison are own choices.
 """
@@ -30,20 +30,20 @@ from thesis_lib.jenga.tower.tower import REACHABLE, settled_tower
 from thesis_lib.statistics.intervals import mean_row, wilson, wilson_std
 
 MOST = 60  # steps after which an unfinished push ends
-FIRST = 5  # steps of the controller that show what it does about the disturbance: its horizon
+FIRST = 5  # first steps of the controller, as many as its horizon, that show its response to the disturbance
 HALF_WIDTH = 12.5  # mm, of a block
-PUSH = ["tower", "block", "edge"]  # what a steered and a straight push have in common
+PUSH = ["tower", "block", "edge"]  # identifies a pair of a steered and a straight push
 
 
 def steering_pushes(
     learner: Learner, seeds: Iterable[int], setup: Setup, choice: ShowcaseChoice, rng: np.random.Generator
 ) -> tuple[pd.DataFrame, pd.DataFrame]:
-    """All steps of the pushes of `choice.steered_blocks` free blocks that turn, and the end of each push.
+    """Push `choice.steered_blocks` free blocks that turn; tables of all steps and of the ends of the pushes.
 
-    Blocks are those of the towers `seeds`, tower by tower, until there are enough.  steps: tower, block, edge (mm,
+    Blocks are taken from the towers `seeds` in turn until there are enough.  steps: tower, block, edge (mm,
     contact of the disturbance), steered (0 or 1), step, advance, x, y, yaw (mm, as read before the step), offset (mm),
     heading (rad), controlled (0 or 1: after the disturbance).  ends: tower, block, edge, steered, steps, out (0 or 1),
-    stray (mm).  UserError if the towers have fewer such blocks, TowerError if one does not stand.
+    stray (mm).  UserError if the towers have fewer such blocks, TowerError if a tower does not stand.
     """
     steps, ends, tried = [], [], []
     for seed in seeds:
@@ -74,7 +74,7 @@ def steering_pushes(
 def _push(
     robot: Robot, block: int, edge: float, policy: Policy, choice: ShowcaseChoice
 ) -> tuple[list[dict], dict[str, float]]:
-    """Rows and end of one push: at `edge` (mm) until the block has turned, then the policy; no end if it stays."""
+    """Rows and end of one push: at `edge` (mm) until the block has turned, then by the policy; end {} if not."""
     reading, context, rows, turned = robot.start(block), robot.tower.context(block), [], False
     policy.begin(robot.rng)
     policy.start(block, context)
@@ -103,7 +103,7 @@ def _push(
 def steering_summary(steps: pd.DataFrame, ends: pd.DataFrame) -> pd.DataFrame:
     """Summary of `steering_pushes`: rows of quantity, value, std (standard error), low, high (95 %), n.
 
-    stray_saved: stray (mm) of the straight push less that of the steered one, mean over blocks.  out_saved: share of
+    stray_saved: stray (mm) of the straight push minus that of the steered push, mean over blocks.  out_saved: share of
     pushes that do not reach the goal, the same difference.  turned_back: share of steered pushes whose contact, mean of
     the controller's first `FIRST` steps, lies on the side that turns the block back (+y turns it to −yaw).  edge: that
     contact's distance from the centre, as a share of half the block's width.
@@ -126,9 +126,9 @@ def steering_summary(steps: pd.DataFrame, ends: pd.DataFrame) -> pd.DataFrame:
 
 
 def strayed_most(steps: pd.DataFrame, ends: pd.DataFrame) -> pd.DataFrame:
-    """Rows of `steps` of the pair whose straight push strayed most, if both came out; UserError if there is none."""
+    """Steps of the pair whose straight push strayed most, if both blocks came out; UserError if there is none."""
     pairs = ends.pivot(index=PUSH, columns="steered", values=["stray", "out"])
     both = pairs[(pairs["out"] == 1).all(axis=1)]
     if both.empty:
-        raise UserError("no block came out both straight and steered: nothing to show. Take another tower.")
+        raise UserError("no block came out both straight and steered, so there is nothing to show; use another tower.")
     return steps.set_index(PUSH).loc[[both["stray"][0].idxmax()]].reset_index()

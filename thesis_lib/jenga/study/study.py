@@ -1,14 +1,14 @@
-"""The study of chapter 5: tables of the games.
+"""Tables of the games of chapter 5.
 
-Extractions differ from tower to tower far more than policies do, so policies are compared on the same towers, block
+Extractions differ far more between towers than between policies, so policies are compared on the same towers, block
 orders and noise:
 
-    mean ± t_{n−1} s/√n over towers;    difference of two policies: the same of the differences tower by tower
+    mean ± t_{n−1} s/√n over towers;    for two policies: the same formula for the differences, tower by tower
 
 A refused game (an unusable tower) is counted and leaves its tower out of that policy's comparisons.  `size` is the
 number of samples, 0 for policies without training.
 
-Statements of the thesis as numbers, for the claims ledger (`statements_table`; sections 5.5.2 and 5.5.3):
+Statements of the thesis expressed as numbers, for the claims ledger (`statements_table`; sections 5.5.2 and 5.5.3):
 
 | quantity             | value                                                                                  |
 |----------------------|----------------------------------------------------------------------------------------|
@@ -48,7 +48,7 @@ SHARE = ("attempts", "successes", "share", "std", "low", "high")
 
 
 def study_tables(games: Sequence[tuple[int, Game]], shown: int) -> dict[str, pd.DataFrame]:
-    """All tables of the games, given as (size, game): games, attempts, curve, paired, success, course, needed.
+    """All tables of games given as (size, game): games, attempts, curve, paired, success, course, needed.
 
     `shown`: number of training samples of the learned policy in success, course and needed.
     """
@@ -67,7 +67,7 @@ def study_tables(games: Sequence[tuple[int, Game]], shown: int) -> dict[str, pd.
 
 
 def games_table(games: Sequence[tuple[int, Game]]) -> pd.DataFrame:
-    """A row per (size, game): policy, size, tower, extractions, placements (NaN if refused), tried, end, refused."""
+    """Row per (size, game): policy, size, tower, extractions, placements (NaN if refused), tried, end, refused."""
     rows = []
     for size, game in games:
         scores = (np.nan, np.nan) if game.refused else (game.extractions, game.placements)
@@ -77,7 +77,7 @@ def games_table(games: Sequence[tuple[int, Game]]) -> pd.DataFrame:
 
 
 def learning_curve(games: pd.DataFrame) -> pd.DataFrame:
-    """Columns policy, size, mean, std (standard error), low, high, n, refused (figure 5-5B)."""
+    """Extractions by size (figure 5-5B): policy, size, mean, std (standard error), low, high, n, refused."""
     rows = []
     for (policy, size), part in games.groupby(["policy", "size"], sort=True):
         counts = part["extractions"].dropna().to_numpy()
@@ -87,12 +87,12 @@ def learning_curve(games: pd.DataFrame) -> pd.DataFrame:
 
 
 def _by_tower(games: pd.DataFrame) -> pd.DataFrame:
-    """Extractions with a row per tower and a column per (policy, size)."""
+    """Table of extractions with a row per tower and a column per (policy, size)."""
     return games.pivot_table(index="tower", columns=["policy", "size"], values="extractions")
 
 
 def _differences(counts: pd.DataFrame, one: tuple[str, int], other: tuple[str, int]) -> np.ndarray:
-    """Extractions of `one` (policy, size) minus those of `other`, on the towers (n,) of both."""
+    """Extractions of `one` (policy, size) minus those of `other`, (n,), on the towers that both played."""
     both = counts[[one, other]].dropna().to_numpy()
     return both[:, 0] - both[:, 1]
 
@@ -100,7 +100,7 @@ def _differences(counts: pd.DataFrame, one: tuple[str, int], other: tuple[str, i
 def paired(games: pd.DataFrame, policy: str = "hma") -> pd.DataFrame:
     """Extractions of `policy` at each size minus those of every other policy on the same towers.
 
-    Learning rivals are compared at the same size (MOR also at ten times that: the thesis's claim), rivals without
+    Learning rivals are compared at the same size (MOR also at ten times the size: the thesis's claim), rivals without
     training (size 0) and PPO at every size.  Columns policy, size, rival, rival_size, difference, std (standard error),
     low, high, n.
     """
@@ -131,7 +131,7 @@ def success_table(attempts: pd.DataFrame, size: int) -> pd.DataFrame:
 
 
 def course_table(attempts: pd.DataFrame, size: int) -> pd.DataFrame:
-    """How often pushes reach the goal in the course of a game, for the policies of `success_table`.
+    """Share of pushes that reach the goal in the course of a game, for the policies of `success_table`.
 
     Columns phase, position, first (number of the first of at most ten blocks, from 1), attempts, successes, share, std,
     low, high.
@@ -146,7 +146,7 @@ def course_table(attempts: pd.DataFrame, size: int) -> pd.DataFrame:
 
 
 def _by_phase(attempts: pd.DataFrame, size: int) -> Iterator[tuple[str, str, pd.DataFrame]]:
-    """Attempts of exploration and of hma at `size` samples: on all blocks, side blocks, middle blocks."""
+    """Yield attempts of exploration and of hma at `size` samples: on all blocks, side blocks, middle blocks."""
     for phase, policy, own_size in (("exploration", "exploration", 0), ("learned", "hma", size)):
         of_policy = attempts[(attempts["policy"] == policy) & (attempts["size"] == own_size)]
         for position in ("all", "side", "middle"):
@@ -154,10 +154,10 @@ def _by_phase(attempts: pd.DataFrame, size: int) -> Iterator[tuple[str, str, pd.
 
 
 def _share(outcomes: pd.Series) -> tuple[int, int, float, float, float, float]:
-    """`SHARE` of outcomes that are 1 (success), 0, or -1 (not tried)."""
+    """Values of `SHARE` for outcomes that are 1 (success), 0 (failure) or -1 (not tried)."""
     tried = outcomes[outcomes >= 0]
     n, k = len(tried), int((tried == 1).sum())
-    # with one success and one failure added, so that it is never 0
+    # standard error with one success and one failure added, so that it is never 0
     std = float(np.sqrt((k + 1) * (n - k + 1) / (n + 2) ** 3))
     return n, k, k / n if n else np.nan, std, *wilson(k, n)
 
@@ -177,10 +177,10 @@ def needed_samples(games: pd.DataFrame, first: int, policy: str = "mor") -> pd.D
 
 
 def statements_table(games: pd.DataFrame, success: pd.DataFrame, movable: pd.Series, shown: int) -> pd.DataFrame:
-    """Rows of quantity, value, std (standard error, NaN of a single tower), n, as in the module's table.
+    """Table of quantity, value, std (standard error, NaN for a single tower), n, as in the module's table.
 
     `games` and `success` are tables of the study, `shown` the number of samples of the learned policy in `success`,
-    `movable` the share of movable blocks (mean, low, high: 95 %, n towers).  What was not played gives no row.
+    `movable` the share of movable blocks (mean, low, high: 95 %, n towers).  Quantities without games have no row.
     """
     played = games[games["refused"] == 0].assign(
         lost=lambda table: (table["end"] != ALL_TRIED).astype(float),
@@ -200,7 +200,7 @@ def _of_success(success: pd.DataFrame, movable: pd.Series) -> list[tuple[str, fl
     push = by.loc[("exploration", "all", "push")]
     gain = learned["share"] / explored["share"] if explored["successes"] else np.nan
     gain_std = gain * np.hypot(learned["std"] / learned["share"], explored["std"] / explored["share"])
-    half = float(stdtrit(max(movable["n"] - 1, 1), 0.975))  # of the interval, in standard errors
+    half = float(stdtrit(max(movable["n"] - 1, 1), 0.975))  # half width of the interval, in standard errors
     movable_std = (movable["high"] - movable["low"]) / (2.0 * half)
     apart, apart_std = push["share"] - movable["mean"], float(np.hypot(push["std"], movable_std))
     return [

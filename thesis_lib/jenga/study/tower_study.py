@@ -1,10 +1,10 @@
-"""Tower against thesis: share of movable blocks and its dependence on the threshold; agreement of simulators.
+"""Checks of the simulated tower: share of movable blocks against the threshold; agreement of simulators.
 
     movable  ⇔  in a straight, centred trial push no other block moves more than the threshold, and the block follows
 
-Test towers check the share, with Student's t interval over towers.  The first development tower is compared with half
-the time step and with the reduced tower, blocks of all of them with real extraction: pushed straight to the goal and
-pulled out.
+The share is checked on test towers, with Student's t interval over towers.  The first development tower is compared
+with half the time step and with the reduced tower; blocks of all development towers are compared with real extraction
+(pushed straight to the goal and pulled out).
 
 Source: thesis, section 5.4.4 (47 %).
 """
@@ -24,7 +24,7 @@ THRESHOLDS = (0.5, 0.75, 1.0, 1.5, 2.0)  # mm
 
 
 def scan_tower(seed: int, scanned: int, setup: Setup, say: Callable[[str], None] = lambda _: None) -> pd.DataFrame:
-    """`movable.scan` of `scanned` evenly spread blocks of a tower; no rows if the tower is refused."""
+    """Table of `movable.scan` for `scanned` evenly spread blocks of a tower; no rows if the tower is refused."""
     blocks = spread(len(REACHABLE), scanned)
     try:
         tower = settled_tower(seed, setup)
@@ -35,17 +35,17 @@ def scan_tower(seed: int, scanned: int, setup: Setup, say: Callable[[str], None]
 
 
 def spread(n: int, most: int) -> np.ndarray:
-    """At most `most` of the numbers 0 to n − 1, evenly spread.  Of blocks: middle and side blocks in turn."""
+    """At most `most` of the numbers 0 to n − 1, evenly spread; for blocks, middle and side blocks alternate."""
     return np.unique(np.linspace(0, n - 1, min(n, most)).round().astype(int))
 
 
 def movable_shares(scans: Mapping[str, Sequence[pd.DataFrame]], settings: MovableSettings) -> pd.DataFrame:
-    """Rows of set (development, test), tower, threshold_mm, share; UserError if all towers of a set were refused."""
+    """Table of set (development, test), tower, threshold_mm, share; UserError if all towers of a set were refused."""
     rows = []
     for name, tables in scans.items():
         standing = [table for table in tables if len(table)]
         if not standing:
-            raise UserError(f"all {len(tables)} {name} towers were refused: none stands. See the logs of the scans.")
+            raise UserError(f"all {len(tables)} {name} towers were refused; see the logs of the scans.")
         table = pd.concat(standing)
         for threshold in THRESHOLDS:
             varied = settings.model_copy(update={"threshold": 1e-3 * threshold})
@@ -56,7 +56,7 @@ def movable_shares(scans: Mapping[str, Sequence[pd.DataFrame]], settings: Movabl
 
 
 def movable_summary(shares: pd.DataFrame, scans: Mapping[str, Sequence[pd.DataFrame]]) -> pd.DataFrame:
-    """Rows of set, threshold_mm, mean, low, high, n (towers), refused (towers that did not stand)."""
+    """Table of set, threshold_mm, mean, low, high, n (towers), refused (towers that did not stand)."""
     refused = {name: sum(table.empty for table in tables) for name, tables in scans.items()}
     rows = [
         (name, threshold, *student_mean(part["share"].to_numpy()), len(part), refused[name])
@@ -68,7 +68,7 @@ def movable_summary(shares: pd.DataFrame, scans: Mapping[str, Sequence[pd.DataFr
 def fidelity(
     scans: Sequence[pd.DataFrame], setup: Setup, compared: int, say: Callable[[str], None] = lambda _: None
 ) -> pd.DataFrame:
-    """Agreement on `compared` evenly spread blocks of the first scan, and of all: comparison, quantity, value, n."""
+    """Agreement on `compared` evenly spread blocks of the first, or of all scans: comparison, quantity, value, n."""
     scan_of = scans[0].iloc[spread(len(scans[0]), compared)].reset_index(drop=True)
     seed, rows = int(scan_of["tower"].iloc[0]), []
     half = setup.tower.model_copy(update={"timestep": setup.tower.timestep / 2.0})

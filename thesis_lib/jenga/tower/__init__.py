@@ -1,1 +1,1 @@
-"""The tower in MuJoCo, and whether it may be used."""
+"""The tower in MuJoCo, and checks that it can be used."""

@@ -1,8 +1,8 @@
-"""The tower as a MuJoCo model: blocks on small spheres, a point pusher and a gripper.
+"""MuJoCo model of the tower, whose blocks rest on small spheres, with a point pusher and a gripper.
 
 MuJoCo's box-box contact flips between one and four points when faces are not quite parallel, so a tower of boxes never
-comes to rest.  Here a block's box touches only spheres: 12 feet let into the TOP face of each block (four under each
-place of the layer above, so that support does not move with a block pushed out above it) and 4 bumpers on its sides.
+comes to rest.  Here a block's box touches only spheres: 12 feet embedded in the TOP face of each block (four under each
+place of the layer above, so the support does not move with a block pushed out above it) and 4 bumpers on its sides.
 
 | what | contype | conaffinity | touches |
 |---|---|---|---|
@@ -13,7 +13,7 @@ place of the layer above, so that support does not move with a block pushed out 
 | floor | 8 | 1 | box, foot |
 | jaw | 16 | 0 | the held box |
 
-Contacts are stiff with an elliptic cone and impratio 30: with a pyramidal cone or impratio 1 blocks creep.  Integration
+Contacts are stiff with an elliptic cone and impratio 30; with a pyramidal cone or impratio 1 blocks creep.  Integration
 is implicit, with Newton's method to 1e-10; a tolerance of 1e-6 takes twice as long because each step starts from a
 worse solution.  See E. Todorov, T. Erez, Y. Tassa, IROS 2012, doi 10.1109/IROS.2012.6386109.
 """
@@ -43,7 +43,7 @@ def _numbers(values) -> str:
 
 
 def _geoms(block: int, size: np.ndarray, settings: TowerSettings, pose: np.ndarray = ORIGIN) -> str:
-    """Geoms of one block at `pose` (7,), m and quaternion, in the frame of its body."""
+    """MJCF geoms of one block at `pose` (7,), m and quaternion, in the frame of its body."""
     length, width, _ = settings.block
     pitch = width + settings.gap
     half = size / 2.0
@@ -67,7 +67,7 @@ def _geoms(block: int, size: np.ndarray, settings: TowerSettings, pose: np.ndarr
 
 
 def stacked(sizes: np.ndarray, settings: TowerSettings) -> np.ndarray:
-    """Poses (54, 7), m and quaternions, of blocks laid on the highest block of the layer below, not yet settled."""
+    """Initial poses (54, 7), m and quaternions: each block at the top height of the layer below, not yet settled."""
     pitch = settings.block[1] + settings.gap
     poses, base = np.zeros((BLOCKS, 7)), 0.0
     for layer in range(LAYERS):
@@ -87,7 +87,7 @@ def _slides(name: str) -> str:
 
 
 def _drive(joint: str, stiffness: float, mass: float, limit: float | None = None) -> str:
-    """A position drive of that joint, critically damped for what it moves (kg or kg m²); force limit in N."""
+    """MJCF position drive of a joint, critically damped for the mass or inertia it moves (kg, kg m²); limit in N."""
     force = "" if limit is None else f' forcerange="{-limit} {limit}"'
     damping = 2.0 * np.sqrt(stiffness * mass)
     return f'<position name="{joint}" joint="{joint}" kp="{stiffness}" kv="{damping:.9g}"{force}/>'
@@ -113,7 +113,7 @@ def _gripper(robot: RobotSettings, settings: TowerSettings) -> tuple[str, str]:
             for x in (-5e-3, 5e-3)
             for z in (-4e-3, 4e-3)
         )
-        # the joint coordinate is the distance between pads and the block's nominal side
+        # the joint coordinate is the distance from the pads to the block's nominal side
         joint = f'<joint name="jaw_{name}" type="slide" axis="0 {side} 0"/>'
         jaws += f'<body name="{name}" gravcomp="1">{joint}{pads}</body>'
     body = (
@@ -134,7 +134,7 @@ def tower_xml(
     static: frozenset[int] = frozenset(),
     lump: frozenset[int] = frozenset(),
 ) -> str:
-    """MJCF of a tower with its robot.
+    """Return the MJCF (MuJoCo's XML) of a tower with its robot.
 
     sizes: (54, 3), m.  poses: (54, 7), m and quaternions.  `static` blocks are fixed to the world, `lump` blocks form
     one body, as do the settings' glued blocks.  All others are free bodies.

@@ -1,18 +1,18 @@
-"""The body in space on a page: its faces, and the hits on them by what the final model misses there.
+"""Picture of the body in space for a page: its faces, and the hits on them with the errors of the final model.
 
-body.html draws one view as SVG; in the browser, thesis_lib/pages/body.js turns it by numbers that the page holds as
-JSON.  A hit is drawn beside its contact point, off the body along the normal of the surface: corners are hit often.
+body.html draws one view as SVG; in the browser, thesis_lib/pages/body.js rotates the body with numbers from JSON in
+the page.  A hit is drawn at a distance from its contact point along the surface normal, as many hits share a corner.
 
 | on paper | in the JSON | unit | |
 |----------|-------------|------|---------------------------------------------------------------------|
 |          | `vertices`  | m    | of the believed solid, from its centre of mass, in axes of the body |
 |          | `faces`     |      | numbers of their vertices, counter-clockwise from outside           |
-|          | `hits`      | m    | places of the hits, in the order of the circles                     |
-|          | `axes`      | m    | where each axis leaves the body, and its end                        |
-|          | `beyond`    |      | of each hit and each axis the faces beyond whose planes it ends     |
-|          | `rungs`     | m/s  | errors of the hits by model, the final one last, and how to draw it |
+|          | `hits`      | m    | positions of the hits, in the order of the circles                  |
+|          | `axes`      | m    | point at which each axis leaves the body, and its end               |
+|          | `beyond`    |      | for each hit and axis: faces beyond whose planes it ends            |
+|          | `rungs`     | m/s  | errors of the hits by model, final model last, and how to draw them |
 
-What lies beyond the plane of a face that faces the reader is before a convex body, all else behind or beside it.
+A point beyond the plane of a visible face is in front of the convex body; all other points are behind or beside it.
 """
 
 from collections.abc import Sequence
@@ -39,11 +39,11 @@ from thesis_lib.report.elements import amount
 from thesis_lib.statistics.intervals import clustered_mean
 
 TEMPLATE = Path(__file__).with_name("body.html")
-MOST_CORNERS = 100  # of a mesh that is drawn with all of them
+MOST_CORNERS = 100  # a mesh with at most so many corners is drawn with all of them
 MOST = 800  # hits drawn: 200 kB
 OFF, BEYOND = 0.12, 0.3  # extents by which a hit is drawn off the body, and an axis drawn beyond it
 START = (35.0, 20.0)  # degrees: azimuth and elevation of the first view
-CENTRE, HALF = (WIDTH / 2, 218.0), 125.0  # of the picture, and half the length on it of the largest extent, in pixels
+CENTRE, HALF = (WIDTH / 2, 218.0), 125.0  # centre of the picture, and half the largest extent on it, in pixels
 _AZIMUTH, _ELEVATION = np.meshgrid(np.radians(np.arange(0, 360, 22.5)), np.radians(np.arange(-90, 91, 30)))
 DIRECTIONS = np.stack(
     [np.cos(_ELEVATION) * np.cos(_AZIMUTH), np.cos(_ELEVATION) * np.sin(_AZIMUTH), np.sin(_ELEVATION)]
@@ -51,12 +51,12 @@ DIRECTIONS = np.stack(
 
 
 class Polyhedron(NamedTuple):
-    """A convex solid as it is drawn.
+    """A convex solid, as drawn.
 
     Attributes:
         vertices: (k, 3) in m.
         faces: numbers of their vertices, counter-clockwise seen from outside.
-        planes: (f, 4) unit normals that point out, and offsets: n·r + offset = 0.
+        planes: (f, 4) outward unit normals, and offsets: n·r + offset = 0.
     """
 
     vertices: np.ndarray
@@ -65,10 +65,10 @@ class Polyhedron(NamedTuple):
 
 
 def polyhedron(solid: Solid | Any) -> Polyhedron:
-    """The sharp solid, what is round of it between points 22.5° apart."""
+    """Return the solid with sharp edges; round parts are approximated by points 22.5° apart."""
     from scipy.spatial import ConvexHull
 
-    with suppress(AttributeError):  # of a solid that has no edges
+    with suppress(AttributeError):  # solids without edges
         solid = solid.rounded(0.0)  # pyright: ignore[reportAttributeAccessIssue]
     points, parts = solid.corners, solid.minkowski
     if not points.size:
@@ -90,15 +90,15 @@ def polyhedron(solid: Solid | Any) -> Polyhedron:
 
 
 def axes_of_view(azimuth: float, elevation: float) -> np.ndarray:
-    """Unit vectors to the right, upwards and towards the reader, by row, of a view from these angles in degrees."""
+    """Return unit vectors to the right, upwards and towards the viewer, by row, for a view from angles in degrees."""
     (ca, ce), (sa, se) = (f(np.radians([azimuth, elevation])) for f in (np.cos, np.sin))
     return np.array([[-sa, ca, 0.0], [-se * ca, -se * sa, ce], [ce * ca, ce * sa, se]])
 
 
 def drawn_faces(places: np.ndarray, faces: Sequence[Sequence[int]]) -> tuple[list[bool], dict[str, str]]:
-    """Which faces face the reader, and the paths of those that do ("front") and do not ("back").
+    """Return which faces are visible, and the paths of visible ("front") and hidden ("back") faces.
 
-    `places` (k, 2) of the vertices, in pixels to the right and downwards.
+    `places` (k, 2): positions of the vertices, in pixels to the right and downwards.
     """
     paths, is_front = {"front": "", "back": ""}, []
     for face in faces:
@@ -109,14 +109,14 @@ def drawn_faces(places: np.ndarray, faces: Sequence[Sequence[int]]) -> tuple[lis
 
 
 def path(places: np.ndarray) -> str:
-    """The line through places (k, 2) in pixels, for SVG."""
+    """Return the SVG path through positions (k, 2) in pixels."""
     return "M" + "L".join(f"{x:.1f} {y:.1f}" for x, y in places)
 
 
 def turnable(critique: DropsCritique, choices: Sequence[Choice] = ()) -> Markup:
-    """The body with its hits; empty in the plane, where nothing has to be turned.
+    """Return the rotatable picture of the body with its hits; empty for planar motion, which needs none.
 
-    The reader chooses between the models of `choices`, or between the rungs of the ladder.
+    The reader can choose between the models of `choices`, or between the rungs of the ladder.
     """
     if critique.space.is_plane:
         return Markup()
@@ -150,7 +150,7 @@ def turnable(critique: DropsCritique, choices: Sequence[Choice] = ()) -> Markup:
     finding = f"{len(rows)} single hits, {len(held_out_errors)} of them held out, on the body."
     if len(held_out_errors):
         mean, most = (amount(one, "m/s") for one in (held_out_errors.mean(), held_out_errors.max()))
-        finding += f" The error of held-out ones is {mean} on average and {most} at most."
+        finding += f" The error of the held-out hits is {mean} on average and {most} at most."
     return render(
         TEMPLATE,
         width=WIDTH,
@@ -171,7 +171,7 @@ def turnable(critique: DropsCritique, choices: Sequence[Choice] = ()) -> Markup:
 
 
 def _rungs(critique: DropsCritique) -> list[tuple[str, Fit]]:
-    """Each rung of the ladder with its title."""
+    """Return each rung of the ladder with its title."""
     found, law = [], ""
     for label, fitted, judged in critique.ladder:
         name = f"and {effect_title(label)}" if found else law_title(fitted.base)
@@ -182,7 +182,7 @@ def _rungs(critique: DropsCritique) -> list[tuple[str, Fit]]:
 
 
 def _choices(critique: DropsCritique, choices: Sequence[Choice]) -> list[tuple[str, Fit]]:
-    """Each choice of effects with its title, the final model last."""
+    """Return each choice of effects with its title, the final model last."""
     final, found = {e.name for e in critique.ladder[-1][1].effects}, []
     for one in sorted(choices, key=lambda one: set(one.effects) == final):
         name = ", ".join(map(effect_title, one.effects))
@@ -196,7 +196,7 @@ def _held_out(judged: Judgement) -> str:
 
 
 def _errors(models: Sequence[tuple[str, Fit]], o: Observations, rows: np.ndarray, top: float) -> dict:
-    """The errors of each model at the hits `rows`, its title, and how errors are drawn."""
+    """Return the errors of each model at the hits `rows`, its title, and how errors are drawn."""
     titles, fits = zip(*models)
     errors = [
         [float(f"{e:.3g}") if np.isfinite(e) else None for e in impact_errors(fitted, o)[rows]] for fitted in fits
@@ -205,10 +205,10 @@ def _errors(models: Sequence[tuple[str, Fit]], o: Observations, rows: np.ndarray
 
 
 def _seen(r: np.ndarray, view: np.ndarray, scale: float) -> np.ndarray:
-    """Places (n, 2) in pixels of points r (n, 3) in m."""
+    """Return the positions (n, 2) in pixels of points r (n, 3) in m."""
     return CENTRE + scale * (r @ view[:2].T) * [1.0, -1.0]
 
 
 def rounded(values: np.ndarray, step: float) -> list:
-    """Nested lists of the values, to multiples of a power of ten."""
+    """Return the values as nested lists, rounded to multiples of `step`, a power of ten."""
     return np.round(values, -round(np.log10(step))).tolist()

@@ -1,6 +1,6 @@
-"""Sentences of report.html on the effects: which were found, what remains, and what adding them changes."""
+"""Sentences of report.html on effects: those found, the remaining misfit, and the changes by adding them."""
 
-# pandas' stubs do not know the contents of a row
+# pandas' type stubs do not describe the contents of a row
 # pyright: reportAttributeAccessIssue=false, reportArgumentType=false, reportOperatorIssue=false, reportOptionalMemberAccess=false
 
 from collections.abc import Mapping, Sequence
@@ -35,7 +35,7 @@ def effects(d: Mapping) -> Markup:
     more = paragraph(*map(told.rejected, d["rejected"]), *search_ended(d["search"], "critique.settings"))
     if not d["effects"]:
         return more + paragraph(
-            "No candidate passes all tests: a gain of log score beyond what the best of all candidates gains by "
+            "No candidate passes all tests: a gain of log score beyond the gain of the best of all candidates by "
             "chance, a gain on trials to which it was not fitted, a material fall of one error, and no rise of another."
         )
     return Markup().join(map(_effect, d["effects"])) + more
@@ -55,7 +55,7 @@ def _effect(effect: Mapping) -> Markup:
 
 
 def _shown_by(effect: Mapping) -> str:
-    """Channels in which the effect matters, unless it is the velocity after impact."""
+    """Return a sentence on the channels in which the effect matters; empty if the velocity after impact is one."""
     channels = effect["material_in"]
     if not channels or "impact" in channels:
         return ""
@@ -71,7 +71,7 @@ def _effect_sentence(effect: Mapping) -> str:
     if size < 0:
         change = f"higher by {number(-size)} {interval(-high, -low)}"
     sentence = (
-        f"{capital(effect_title(name))}{equation}: {listed(sizes(effect))}. Without it, and all else refitted, the "
+        f"{capital(effect_title(name))}{equation}: {listed(sizes(effect))}. Without it, after refitting, the "
         f"held-out log score is {change} nats per impact (p = {number(gain['p_value'], 2)} against the best of all "
         "candidates by chance)."
     )
@@ -81,8 +81,8 @@ def _effect_sentence(effect: Mapping) -> str:
 def _doubt(effect: Mapping) -> str:
     others = effect["indistinguishable_from"]
     if len(others) > NAMED:
-        return f"These data cannot tell which it is: {_alternatives(others)} would explain as much."
-    return f"These data cannot tell it from {_alternatives(others)}." if others else ""
+        return f"These data cannot tell which effect it is: {_alternatives(others)} would explain as much."
+    return f"These data cannot distinguish it from {_alternatives(others)}." if others else ""
 
 
 def _alternatives(names: Sequence[str]) -> str:
@@ -90,17 +90,17 @@ def _alternatives(names: Sequence[str]) -> str:
 
 
 def remaining(critique: DropsCritique, d: Mapping) -> Markup:
-    """Text on what remains after the last effect: structure, scatter beyond the noise, or nothing that matters."""
+    """Return text on the misfit after the last effect: structure, scatter beyond the noise, or nothing that matters."""
     rest, judged = d["remaining"], critique.ladder[-1][2]
     p, most = number(rest["p_value"], 2), number(critique.settings.excess_scatter, 2)
     elsewhere = [struck_elsewhere(rest["elsewhere"])] if rest.get("elsewhere") else []
     if not rest["structured"]:
-        no_structure = f"What is left in the residuals shows no structure that matters (p = {p} by permutation)."
+        no_structure = f"The remaining residuals have no structure that matters (p = {p} by permutation)."
         return paragraph(*elsewhere, no_structure, *above_noise(d)) + _worst(d["error"])
     over_noise = {name: misfit for name, (misfit, _) in judged.over_noise().items()}
     sentences = elsewhere + [
-        f"With all that was found the held-out misfit of {CHANNELS[channel].text} is {number(over_noise[channel], 2)} "
-        f"times what noise alone would give (well above {most} counts as unexplained)."
+        f"With all effects found, the held-out misfit of {CHANNELS[channel].text} is {number(over_noise[channel], 2)} "
+        f"times the misfit from noise alone (well above {most} counts as unexplained)."
         for channel in rest["channels"]
     ]
     if critique.is_learnable or not rest["channels"]:
@@ -109,8 +109,8 @@ def remaining(critique: DropsCritique, d: Mapping) -> Markup:
             ends, floor = (rest["error"], rest["error_without_it"]), d["error"]["noise_floor"]
             change = critique.settings.change(*ends, floor, lambda error: amount(error, "m/s"))
             sentences.append(
-                f"With what a Gaussian process learns of it, the error {change} on training trials to which it was not "
-                "fitted."
+                f"With a Gaussian process fitted to it, the error {change} on training trials to which the process was "
+                "not fitted."
             )
         if rest["depends_on"]:
             sentences.append(f"It depends most on: {'; '.join(map(feature_text, rest['depends_on']))}.")
@@ -123,12 +123,12 @@ def remaining(critique: DropsCritique, d: Mapping) -> Markup:
         )
     if rest["restitution"]:
         sentences.append(
-            f"{restitution_differs(rest['restitution'])} With an ε of its own for each impact, what is left is noise."
+            f"{restitution_differs(rest['restitution'])} With a separate ε for each impact, only noise is left."
         )
     if d["effects"]:
         sentences.append(
-            "As long as something is unexplained, the effects above may stand in for its cause, and their sizes may be "
-            "off by more than their intervals say."
+            "As long as something is unexplained, the effects above may stand in for its cause, and the errors of "
+            "their sizes may exceed their intervals."
         )
     return paragraph(*sentences)
 
@@ -145,7 +145,7 @@ def _worst(error: Mapping) -> Markup:
 
 def ladder_text(critique: DropsCritique, d: Mapping, ladder: pd.DataFrame) -> Markup:
     if not d["effects"]:
-        return paragraph("No effect was added, so the ladder has a single rung.")
+        return paragraph("No effect was added, so there is only the error of the base law.")
     error, unit, flight = d["error"], d["error"]["unit"], d["error"]["flight"]
     steps = [
         f"{number(row.error)} {interval(row.error_low, row.error_high)} {unit} with {effect_title(row.label)}"
@@ -175,19 +175,19 @@ def moved(critique: DropsCritique) -> Markup:
     first, last = (law_title(critique.ladder[i][1].model.law.name) for i in (0, -1))
     if first != last:
         return paragraph(
-            f"With the effects {last} fits better than {first}, so it is the law of the final model: without them the "
-            "other law made up for part of what was missing. μ and ε of different laws mean different things and are "
-            "not compared."
+            f"With the effects {last} fits better than {first} and is the law of the final model: without them, the "
+            "other law compensated for part of the missing effects. μ and ε of different laws have different meanings "
+            "and are not compared."
         )
     much, little = (_moves(compensated(critique, material)) for material in (True, False))
     sentences = []
     if much:
-        sentences.append(f"Parameters that had compensated for what was missing move: {listed(much)}.")
+        sentences.append(f"Parameters that had compensated for missing effects change: {listed(much)}.")
     if little:
-        move = "move" if len(little) > 1 else "moves"
+        move = "change" if len(little) > 1 else "changes"
         sentences.append(f"By a significant amount, but less than {percent(MATERIAL)}, {move} {listed(little)}.")
-    within = f"μ and ε stay within {number(MOVED, 1)} standard errors of what they were"
-    return paragraph(*(sentences or [f"{within}: they had not compensated for what was missing."]))
+    within = f"μ and ε stay within {number(MOVED, 1)} standard errors of their values without effects"
+    return paragraph(*(sentences or [f"{within}: they had not compensated for missing effects."]))
 
 
 def _moves(rows: pd.DataFrame) -> list[str]:
@@ -208,14 +208,14 @@ def untold(d: Mapping) -> Markup:
     rows = [(effect_title(e["name"]), e["why"]) for e in d["not_testable"]]
     if not content and d["effects"] and all(e["clears"] for e in d["effects"]):
         content = paragraph(
-            "Each effect that was found predicts these data better than any other effect in the library could in its "
+            "Each effect that was found predicts these data better than any other effect of the library would in its "
             "place."
         )
     return content + table("Effects that these data cannot test", ("effect", "why"), rows)
 
 
 def proposed(d: Mapping) -> Markup:
-    """Text on the proposed term, its evidence, and how to add it; nothing where no term was looked for."""
+    """Return text on the proposed term, its evidence, and how to add it; empty if no term was looked for."""
     if "proposal" not in d:
         return Markup()
     found = d["proposal"]
@@ -225,8 +225,8 @@ def proposed(d: Mapping) -> Markup:
         if any(one["name"] == UNTESTABLE for one in d["not_testable"]):
             of, change = "approach, place and number of the release", "restitution or friction"
         return paragraph(
-            f"Additional terms, products of {of}, that would change {change}, were looked for. None passes the tests "
-            "of an effect."
+            f"A search for additional terms, products of {of} that would change {change}, found none that passes the "
+            "tests of an effect."
         )
     error, gain, file = found["error"], found["gain"], found["file"]
     rows = [
@@ -240,26 +240,26 @@ def proposed(d: Mapping) -> Markup:
         )
         for one in found["terms"]
     ]
-    columns = ("law", "in words", "a", "p", "chosen in halves", "cannot be told from")
+    columns = ("law", "in words", "a", "p", "chosen in halves", "indistinguishable from")
     kept = [EFFECTS[name].title if name in EFFECTS else name for name in found["effects"]]
     beside = f", beside {listed(kept)}" if kept else ""
     return (
         paragraph(
-            f"No named effect explains what is left. Of {found['tried']} terms that sparse regression chose from, the "
-            f"following passes the test of an effect, in which the null counts all of them. {law_title(found['law'])} "
-            f"is the law with it{beside}."
+            f"No named effect explains the remaining misfit. Of {found['tried']} terms offered to sparse regression, "
+            "the following passes the test of an effect, in which the null counts all of them. "
+            f"{law_title(found['law'])} is the law with it{beside}."
         )
         + table("Proposed", columns, rows, numeric=(2, 3, 4))
         + paragraph(
-            f"The held-out error goes from {amount(error['before'], error['unit'])} to "
+            f"The held-out error changes from {amount(error['before'], error['unit'])} to "
             f"{amount(error['after'], error['unit'])} (noise floor {amount(error['noise_floor'], error['unit'])}); the "
             f"held-out log score is higher by {number(gain['held_out_log_score_per_impact'])} "
-            f"{interval(*gain['interval'])} nats per impact than with all that the critique had named.",
-            "This is the form of what is missing in these data, not its cause: other laws may have nearly that form.",
+            f"{interval(*gain['interval'])} nats per impact than with the named effects alone.",
+            "This is the form of the missing effect in these data, not its cause: other laws may have a similar form.",
         )
         + paragraph(
-            f"{file}, beside this folder, holds it as an effect. Read it, give it a name, and change its equation if "
-            f"physics says so; python -m thesis_lib effects --check {file} tests it, and python -m thesis_lib critique "
+            f"{file}, beside this folder, contains it as an effect. Read it, give it a name, and change its equation "
+            f"if physics requires; thesis-lib effects --check {file} tests it, and thesis-lib critique "
             f"DATA --effects {file} adds it."
         )
     )

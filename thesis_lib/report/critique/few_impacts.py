@@ -1,4 +1,4 @@
-"""The page of impacts that are too few for a verdict: a number for restitution, and what it rests on."""
+"""The page for datasets with too few impacts for a verdict: an estimate of restitution, and its basis."""
 
 from collections.abc import Mapping, Sequence
 
@@ -18,7 +18,7 @@ MOST = 60  # impacts in the table of the page
 
 
 def few_contents(few: FewImpacts, findings: Findings) -> Contents:
-    """The page of impacts that are too few for a verdict; there are no pictures."""
+    """Return the page for a dataset with too few impacts for a verdict; it has no pictures."""
     d = findings.diagnosis
     of, contents = d["restitution"], _of_impacts(few, d, findings.tables) if few.laws else {}
     contents["What a verdict needs"] = ("next", paragraph(d["next_experiment"]["why"]), left_out_table(d))
@@ -32,7 +32,7 @@ def few_contents(few: FewImpacts, findings: Findings) -> Contents:
 
 
 def _of_impacts(few: FewImpacts, d: Mapping, made: Mapping[str, pd.DataFrame]) -> dict[str, Sequence]:
-    """Sections on impacts, of which there is at least one."""
+    """Return the sections on impacts, if there is at least one impact."""
     law = d["base_model"]
     rows = [(symbol(name), sized(p)) for name, p in law["parameters"].items()]
     return {
@@ -40,17 +40,17 @@ def _of_impacts(few: FewImpacts, d: Mapping, made: Mapping[str, pd.DataFrame]) -
             "numbers",
             paragraph(
                 f"{law_title(law['name'])}, fitted to all impacts. Restitution is the mean over impacts and trials; "
-                "its interval counts how far they differ."
+                "its interval includes the scatter between them."
             ),
             table("Parameters [95 % interval]", ("parameter", "value"), rows, numeric=(1,)),
         ),
         "Each impact": ("impacts", _each(few)),
-        "What each law makes of it": ("laws", comparison_table(made, few.laws)),
+        "Comparison of the laws": ("laws", comparison_table(made, few.laws)),
     }
 
 
 def _each(few: FewImpacts) -> Markup:
-    """Restitution of each single hit."""
+    """Return a table with the restitution of each single hit."""
     o, each, fitted = few.observations.single, few.each, few.fitted
     before = fitted.on(o).before
     speed = np.hypot(before.vx, before.vy)
@@ -66,5 +66,5 @@ def _each(few: FewImpacts) -> Markup:
     shown = f" (the first {MOST} of {len(each.rows)})" if len(each.rows) > MOST else ""
     columns = ("trial", "impact", "speed before (m/s)", "restitution")
     return table(
-        f"Restitution of each impact ± standard error of the noise alone{shown}", columns, rows, numeric=(2, 3)
+        f"Restitution of each impact ± standard error due to noise alone{shown}", columns, rows, numeric=(2, 3)
     )

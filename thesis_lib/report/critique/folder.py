@@ -1,24 +1,24 @@
-"""The folder that a critique writes: the same bytes from the command line, the library and the pipeline.
+"""The folder that a critique writes, with the same bytes from the command line, the library and the pipeline.
 
-Of drops:
+For drops:
 
     impacts.csv  comparison.csv  errors.csv  ladder.csv  budget.csv   tables, explained in foundation/columns.yaml
-    where.json  diagnosis.json  model.json                            schema 1 each; model.json predicts
-    <picture>.png .pdf .csv                                           with the numbers drawn
+    where.json  diagnosis.json  model.json                            schema 1 each; model.json makes predictions
+    <picture>.png .pdf .csv                                           each with the numbers drawn
     report.html                                                       one page, readable offline
     candidates.csv  choices.csv                                       effects tried, and errors with each choice of them
-    models.csv                                                        laws and engines, where they are compared
+    models.csv                                                        laws and engines, if these are compared
 
-Of impacts that are too few for a verdict: impacts.csv, comparison.csv, diagnosis.json, model.json and report.html.
-Of a mechanism: misfit.csv, mechanism_residuals.png .pdf .csv, diagnosis.json and report.html.
+With too few impacts for a verdict: impacts.csv, comparison.csv, diagnosis.json, model.json and report.html.
+For a mechanism: misfit.csv, mechanism_residuals.png .pdf .csv, diagnosis.json and report.html.
 
-The folder is complete: a run that dies leaves an earlier critique untouched.  Everything is first written into
+The folder is always complete: a run that fails leaves an earlier critique unchanged.  All files are first written into
 `.<name>.part` beside the folder.  Then the old diagnosis.json, report.html and model.json and files that this run does
-not make are removed, and the new files are moved in, diagnosis.json last: a folder with diagnosis.json is complete.
+not write are removed, and the new files are moved in, diagnosis.json last: a folder with diagnosis.json is complete.
 
-Pages of all critiques have verdict, sentences, and sections in the order of a reader's questions: how far is the model
-from the measurements, where does it fail, which effect is missing, what does adding it change, what remains open, and
-what could these data have shown?
+The pages of all critiques have a verdict, sentences, and sections in the order of a reader's questions: how far is the
+model from the measurements, where does it fail, which effect is missing, what does adding it change, what remains open,
+and what could these data have shown?
 """
 
 import shutil
@@ -38,17 +38,17 @@ if TYPE_CHECKING:
 
 VERDICT_FILE, MODEL_FILE = "diagnosis.json", "model.json"
 LAST = ("model.json", "report.html", VERDICT_FILE)  # moved in last, in this order; a mechanism has no model.json
-# written by any critique beside its pictures: those of an earlier critique that this one does not make are removed
+# tables that critiques write beside their pictures: tables of an earlier critique that this one lacks are removed
 TABLES = ("comparison", "errors", "ladder", "candidates", "choices", "impacts", "budget", "flights", "models")
 TABLES += ("misfit", "mechanism_residuals")
 REGIONS = "where.json"
-# a folder with all files of one of these belongs to a critique
+# a folder that contains all files of one of these sets belongs to a critique
 MARKS = ((REGIONS, "comparison.csv", "ladder.csv"), ("misfit.csv", "mechanism_residuals.csv"))
 
 
 @dataclass(frozen=True)
 class Contents:
-    """Page and pictures of the findings: `page` is report.html, `images` the pictures as PNG where these are made."""
+    """Page and pictures of the findings: `page` is report.html, `images` the pictures as PNG, if already drawn."""
 
     page: str
     pictures: "Mapping[str, Drawn]" = field(default_factory=dict)
@@ -56,9 +56,9 @@ class Contents:
 
 
 def write_critique(findings: "Findings", contents: Contents, folder: str | Path) -> None:
-    """Write all files of a critique into `folder`, which is made if needed; those of an earlier one are replaced.
+    """Write all files of a critique into `folder`, created if needed; files of an earlier critique are replaced.
 
-    Files that no critique writes stay.
+    Files that critiques do not write are kept.
     """
     from thesis_lib.figures.style import save_figure
 
@@ -84,14 +84,14 @@ def write_critique(findings: "Findings", contents: Contents, folder: str | Path)
 
 
 def is_unfinished(folder: str | Path) -> bool:
-    """Whether a folder holds files of a critique but not the one that is written last."""
+    """Return whether a folder contains files of a critique but lacks the file that is written last."""
     folder = Path(folder)
     marked = any(all((folder / name).is_file() for name in mark) for mark in MARKS)
     return marked and not (folder / VERDICT_FILE).exists()
 
 
 def _replace(folder: Path, part: Path) -> None:
-    """Move the files of `part` into `folder`, and remove those of an earlier critique that it does not make."""
+    """Move the files of `part` into `folder`, and remove files of an earlier critique that are not in `part`."""
     from thesis_lib.figures.critique.pictures import NAMES
 
     new = {path.name for path in part.iterdir()}
@@ -109,7 +109,7 @@ def _replace(folder: Path, part: Path) -> None:
 TEMPLATE = Path(__file__).with_name("skeleton.html")
 WORDS = {
     "adequate": "✓ adequate: no {} is missing that these data could show",
-    "effects": "+ effects found: named effects explain what was missing",
+    "effects": "+ effects found: named effects explain the misfit",
     "unexplained": "? unexplained: structure remains that no named effect explains",
 }
 
@@ -125,15 +125,15 @@ def critique_page(
     key_numbers: Sequence[tuple[str, str, str]] = (),
     script: str = "",
 ) -> str:
-    """The page of a critique.
+    """Return the page of a critique.
 
     Args:
         d: content of diagnosis.json.
-        contents: sections by title, in order: the target of links, then the parts; empty parts are left out, and
-            sections without parts.
-        lacking: what a model may lack: effect or force.
-        word: the verdict in one line, if not that of `WORDS`; `about` is the text below it, and `kind` its CSS class if
-            not its own name.
+        contents: sections by title, in order: the target of links, then the parts; empty parts and sections without
+            parts are omitted.
+        lacking: word for a missing part of a model: effect or force.
+        word: the verdict in one line, if different from `WORDS`; `about` is the text below it, and `kind` its CSS
+            class if different from the verdict.
         key_numbers: name, value and note.
         script: JavaScript, run when the page has loaded.
     """

@@ -1,12 +1,12 @@
-"""The map of single impacts in report.html: pointer or keyboard selects one and shows its energy ellipse.
+"""The map of single impacts in report.html: pointer or keyboard selects an impact and shows its energy ellipse.
 
 impacts.html draws the map as SVG; in the browser, thesis_lib/pages/impacts.js draws the ellipse of the chosen impact
-from numbers that the page holds as JSON.
+from numbers that the page contains as JSON.
 
 | on paper         | in the JSON               | unit              | |
 |------------------|---------------------------|-------------------|-------------------------------------------------|
-| −M_C v_C         | `centre`                  | `unit`            | centre of the ellipse: the dead stop            |
-| ellipse at α = 1 | `axes`, `angle`           | `unit`, degrees   | semi-axes, and the major one from t to n        |
+| −M_C v_C         | `centre`                  | `unit`            | centre of the ellipse: impulse of a dead stop   |
+| ellipse at α = 1 | `axes`, `angle`           | `unit`, degrees   | semi-axes; angle of the major axis from t to n  |
 | v_t⁺ = 0, v_n⁺ = 0 | `sticking`, `compression` | degrees         | directions of the two lines through the centre  |
 | c = (c_t, c_n)   | `measured`, `base`, `final` | `unit`          | point impulse nearest to each velocity change   |
 |                  | `choices`                 | m/s               | errors with each choice of effects              |
@@ -38,19 +38,19 @@ from thesis_lib.statistics.intervals import clustered_mean
 from thesis_lib.statistics.wording import number
 
 TEMPLATE = Path(__file__).with_name("impacts.html")
-MOST = 2000  # impacts drawn: a page of 2 MB at most, and points that can still be distinguished
-WORST = 0.1  # share of the impacts whose part of all errors is reported
-EDGE = 0.005  # quantile at which the map ends; what lies beyond is drawn on its edge
+MOST = 2000  # impacts drawn: the page stays below 2 MB, and points can still be distinguished
+WORST = 0.1  # share of impacts with the largest errors, whose share of all errors is reported
+EDGE = 0.005  # quantile at which the map ends; points beyond are drawn on its edge
 WIDTH, HEIGHT, LEFT, TOP, BOTTOM, MARGIN = 420, 380, 66, 34, 46, 12  # of the map
-SMALL, LARGE = 2.0, 7.0  # radius of a point without error, and of one at the end of the scale
+SMALL, LARGE = 2.0, 7.0  # radius of a point without error, and of a point at the end of the scale
 COLORS = matplotlib.colormaps["cividis_r"]
-SHADES = 32  # of these that the script has
+SHADES = 32  # number of these colours in the script
 
 
 def explorer(critique: DropsCritique, where: Mapping, choices: Sequence[Choice] = ()) -> Markup:
-    """Map of the impacts and the panel of one energy ellipse; empty if no impact has a prediction, and in space.
+    """Return the map of impacts with the panel for an energy ellipse; empty without predictions, and in space.
 
-    With `choices` the reader switches effects on and off, and sees what is left of the errors.
+    With `choices` the reader can switch effects on and off, and sees the remaining errors.
     """
     if not critique.space.is_plane:
         return Markup()
@@ -88,18 +88,18 @@ def explorer(critique: DropsCritique, where: Mapping, choices: Sequence[Choice] 
 
 
 def as_json(content: dict) -> Markup:
-    """Numbers for a script; they hold no text of strangers."""
+    """Return numbers as JSON for a script; they must not contain text from users."""
     return Markup(json.dumps(content, separators=(",", ":"), allow_nan=False))
 
 
 def drawn_impacts(error: np.ndarray, known: np.ndarray, most: int = MOST) -> np.ndarray:
-    """Up to `most` of the indices `known`, evenly spaced in the order of the errors `error` (n,), smallest first."""
+    """Return up to `most` of the indices `known`, evenly spaced in order of the errors `error` (n,), smallest first."""
     ranked = known[np.argsort(error[known], kind="stable")]
     return ranked[np.unique(np.linspace(0, len(ranked) - 1, min(len(ranked), most)).round().astype(int))]
 
 
 def _finding(errors: Mapping[str, np.ndarray], known: np.ndarray) -> str:
-    """How the base law's errors are distributed, and for how many impacts the effects reduce them."""
+    """Return sentences on the distribution of the base law's errors, and the share of impacts that effects improve."""
     base = np.sort(errors["base"][known])
     worst, total = max(round(WORST * len(base)), 1), float(base.sum())
     share = percent(float(base[-worst:].sum()) / total if total else None)
@@ -112,22 +112,22 @@ def _finding(errors: Mapping[str, np.ndarray], known: np.ndarray) -> str:
 
 
 def _reading(shown: int, total: int) -> str:
-    """How to read both panels, and which impacts are drawn."""
+    """Return the caption: how to read both panels, and which impacts are drawn."""
     which = f"all {total} impacts"
     if shown < total:
         which = f"{shown} of {total} impacts, evenly spaced in the order of their errors from smallest to largest"
     return (
-        f"Map: {which}; larger and darker points are larger errors, and what lies beyond the map is drawn on its edge. "
-        "Ellipse: impulses of one impact. Those inside the ellipse add no energy; its centre is the dead stop. On the "
-        "dashed line the contact point stops sliding, on the dotted line compression ends. The measured impulse is "
-        "the point impulse at the believed contact point that is nearest to the measured velocity change; predictions "
-        "are as far from it as their velocities are from those measured. “With the effects” is the final model, "
-        "whatever is switched on."
+        f"Map: {which}; larger and darker points are larger errors, and points beyond the map are drawn on its edge. "
+        "Ellipse: impulses of one impact. Impulses inside the ellipse dissipate energy; its centre is the dead stop. "
+        "On the dashed line the contact point stops sliding, on the dotted line compression ends. The measured impulse "
+        "is the point impulse at the believed contact point that best fits the measured velocity change; predictions "
+        "are as far from it as the predicted velocities are from the measured ones. “With the effects” is the final "
+        "model, whatever is switched on."
     )
 
 
 def _numbers(critique: DropsCritique, base: Fit, residuals: Mapping, errors: Mapping, rows: np.ndarray) -> dict:
-    """Numbers that the script draws (see the module's table) of the impacts `rows`; residuals and errors by model."""
+    """Return the numbers that the script draws (see the module's table) for the impacts `rows`, by model."""
     o = critique.observations.single
     mass = None if critique.source is None else critique.source.mass
     axis = ImpulseAxis.of(mass is not None)
@@ -157,7 +157,7 @@ def _numbers(critique: DropsCritique, base: Fit, residuals: Mapping, errors: Map
 
 
 def _switched(critique: DropsCritique, choices: Sequence[Choice], base: np.ndarray, rows: np.ndarray) -> dict:
-    """Numbers that colour the map: each choice with its held-out error, and its error at each of the impacts `rows`."""
+    """Return the numbers that colour the map: each choice with its held-out error, and errors at the impacts `rows`."""
     o, names, noise = critique.observations.single, choices[-1].effects, critique.ladder[-1][2].floor
     floor = f"; noise alone gives {number(noise)} m/s" if np.isfinite(noise) else ""
     said = []
@@ -173,20 +173,20 @@ def _switched(critique: DropsCritique, choices: Sequence[Choice], base: np.ndarr
 
 
 def scale_of(top: float) -> dict:
-    """How the script draws errors up to `top` in m/s."""
+    """Return the scale with which the script draws errors up to `top` in m/s."""
     colors = [to_hex(COLORS(share)) for share in np.linspace(0.0, 1.0, SHADES)]
     return {"top": top, "radii": [SMALL, LARGE], "colors": colors}
 
 
 def _rounded(value: np.ndarray) -> list | float:
-    """Four significant digits: a hundredth of a pixel."""
+    """Round to four significant digits: a hundredth of a pixel."""
     if value.ndim:
         return [_rounded(part) for part in value]
     return float(f"{value:.4g}")
 
 
 def _map(x: np.ndarray, y: np.ndarray, error: np.ndarray, labels: list[str]) -> dict:
-    """Map for impacts.html, in pixels: frame, ticks, key, and a point per impact, the worst last."""
+    """Return the map for impacts.html, in pixels: frame, ticks, key, and a point per impact, the worst last."""
     top = top_of(error)
     right, low = WIDTH - MARGIN, HEIGHT - BOTTOM
     px, x_ticks = scale(x, LEFT, right)
@@ -202,22 +202,22 @@ def _map(x: np.ndarray, y: np.ndarray, error: np.ndarray, labels: list[str]) -> 
 
 
 def key_of(top: float) -> list[tuple[float, float, str, str]]:
-    """Place, radius, colour and text of the points of the key, for errors up to `top` in m/s."""
+    """Return position, radius, colour and text of the points of the key, for errors up to `top` in m/s."""
     steps = ((138, 0.0, "0"), (180, 0.5, number(0.5 * top, 2)), (245, 1.0, f"≥ {number(top, 2)} m/s"))
     return [(LEFT + at, *look(s**0.5), text) for at, s, text in steps]
 
 
 def look(share: float) -> tuple[float, str]:
-    """Radius and colour of a point, by the root of its error over that at the end of the scale."""
+    """Return radius and colour of a point, from the square root of its error over the end of the scale."""
     return SMALL + (LARGE - SMALL) * share, to_hex(COLORS(float(share)))
 
 
 def scale(
     values: np.ndarray, start: float, end: float, edge: float = EDGE
 ) -> tuple[np.ndarray, list[tuple[float, str]]]:
-    """Positions of the values between the pixels `start` and `end`, and ticks as (position, text).
+    """Return positions of the values between the pixels `start` and `end`, and ticks as (position, text).
 
-    What lies beyond the quantiles `edge` and 1 − `edge` is placed at the ends.
+    Values beyond the quantiles `edge` and 1 − `edge` are placed at the ends.
     """
     low, high = np.quantile(values, [edge, 1.0 - edge])
     pad = 0.04 * (high - low) or 0.5

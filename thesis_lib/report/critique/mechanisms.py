@@ -1,4 +1,4 @@
-"""report.html of a mechanism's critique: the four steps of the impacts' page, from the content of diagnosis.json."""
+"""report.html for the critique of a mechanism: the same four steps as for impacts, from diagnosis.json."""
 
 from collections.abc import Mapping
 
@@ -18,39 +18,39 @@ from thesis_lib.statistics.wording import listed, number
 UNITS = {(e.name, p.name): p.unit for effects in CANDIDATES.values() for e in effects for p in e.parameters}
 RESIDUALS = (
     "Left: residual generalised forces of held-out windows in units of their noise, with the believed model and with "
-    "what was found. Right: what each candidate alone would gain."
+    "the effects found. Right: gain of each candidate alone."
 )
 
 
 def mechanism_findings(critique: MechanismCritique, name: str, rng: np.random.Generator) -> Findings:
-    """Findings on a mechanism, under the `name` of its recording; `rng` permutes windows."""
+    """Return the findings on a mechanism, under the `name` of its recording; `rng` permutes windows."""
     return Findings(mechanism_diagnosis(critique, name, rng), {"misfit": misfit_table(critique)})
 
 
 def mechanism_contents(critique: MechanismCritique, findings: Findings) -> Contents:
-    """Picture and page of a mechanism."""
+    """Return picture and page of a mechanism."""
     drawn = figure_residuals(*residual_tables(critique))
     page = mechanism_page(findings.diagnosis, picture(drawn[0], RESIDUALS))
     return Contents(page, {"mechanism_residuals": drawn})
 
 
 def mechanism_page(d: Mapping, *shown: Markup) -> str:
-    """report.html from the content of diagnosis.json and the pictures."""
+    """Return report.html, from the content of diagnosis.json and the pictures."""
     error, lost = d["error"], d["left_out"]
     reasons = "; ".join(f"{name}: {count}" for name, count in lost["reasons"].items())
     why = f" ({reasons} {lost['unit']})" if reasons else ""
     compare = paragraph(
         f"{d['n_windows']} windows of {d['n_trials']} trials are used, {percent(lost['share'])} of the steps are left "
-        f"out{why}. In each, the equations of motion with the believed parameters are summed over the "
-        "steps, contact forces projected out, and the rest is divided by the noise of the measured states.",
-        f"On trials that no choice has seen its root mean square is {number(error['base'])} "
+        f"out{why}. In each window, the equations of motion with the believed parameters are summed over the steps, "
+        "contact forces are projected out, and the residual is divided by the noise of the measured states.",
+        f"On held-out trials, the root mean square of this residual is {number(error['base'])} "
         f"{interval(*error['base_interval'])} standard deviations; noise alone gives 1.",
     )
     where = paragraph(
-        f"It depends most on {listed(d['where']['depends_on'])} (p = {number(d['where']['p_value'], 2)}, all "
+        f"The misfit depends most on {listed(d['where']['depends_on'])} (p = {number(d['where']['p_value'], 2)}, all "
         "coordinates and speeds counted)."
         if d["where"]["depends_on"]
-        else "It depends on no coordinate or speed beyond what chance gives."
+        else "The misfit depends on no coordinate or speed more than by chance."
     ) + table(
         "Held-out misfit by free direction and contacts, in standard deviations",
         ("direction", "contacts", "values", "believed model", "with the effects"),
@@ -69,7 +69,7 @@ def mechanism_page(d: Mapping, *shown: Markup) -> str:
         "1. How far the believed model is from the measurements": ("compare", compare),
         "2. Where it fails": ("where", where, *shown),
         "3. Which effect is missing": ("which", _effects(d)),
-        "4. What adding it does" if d["effects"] else "4. Nothing was added": ("added", _added(d)),
+        "4. What adding it changes" if d["effects"] else "4. Nothing was added": ("added", _added(d)),
         "What remains open, and how to decide it": ("open", untold),
         "What these data could have shown": ("power", _detectable(d)),
     }
@@ -77,15 +77,15 @@ def mechanism_page(d: Mapping, *shown: Markup) -> str:
 
 
 def _others(effect: Mapping) -> str:
-    """Names of the effects that the data cannot tell from `effect`."""
+    """Return the names of the effects that the data cannot distinguish from `effect`."""
     return listed([name.replace("_", " ") for name in effect["indistinguishable_from"]], "or")
 
 
 def _effects(d: Mapping) -> Markup:
     if not d["effects"]:
         return paragraph(
-            "No candidate passes all three tests: a gain of log score beyond what the best of all candidates gains by "
-            "chance, a gain on trials it was not fitted to, and a fall of the misfit that matters."
+            "No candidate passes all three tests: a gain of log score beyond the gain of the best of all candidates by "
+            "chance, a gain on trials to which it was not fitted, and a fall of the misfit that matters."
         )
     rows = []
     for e in d["effects"]:
@@ -93,7 +93,7 @@ def _effects(d: Mapping) -> Markup:
         gain = f"{number(e['gain']['held_out_log_score_per_window'])} {interval(*e['gain']['interval'])}"
         others = _others(e) or "–"
         rows.append((e["title"], e["equation"], "; ".join(sizes), gain, number(e["gain"]["p_value"], 2), others))
-    columns = ("effect", "equation", "size", "gain (nats per window)", "p", "cannot be told from")
+    columns = ("effect", "equation", "size", "gain (nats per window)", "p", "indistinguishable from")
     return table("Effects, in the order in which they were found", columns, rows)
 
 
@@ -103,8 +103,8 @@ def _added(d: Mapping) -> Markup:
     error = d["error"]
     rungs = [number(x) for x in error["ladder"]]
     text = paragraph(
-        f"The held-out misfit goes from {rungs[0]} to {listed(rungs[1:])} standard deviations (noise alone: 1). Base "
-        "inertial parameters identified without the effects stand in for them; with the effects on they return."
+        f"The held-out misfit changes from {rungs[0]} to {listed(rungs[1:])} standard deviations (noise alone: 1). "
+        "Base inertial parameters identified without the effects compensate for them; with the effects they recover."
     )
     after = d["augmented_model"]["parameters"]
     rows = [

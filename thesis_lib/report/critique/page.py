@@ -1,9 +1,9 @@
 """report.html: one self-contained page with the results of the critique, in the order of a reader's questions.
 
-Verdict, faults of the measurement, the four steps (compare, where it fails, which effect, what adding it changes), what
-remains open and which experiment would decide it, what the data could have shown, tables, sources.  All sentences are
-written from the numbers of diagnosis.json, where.json and the tables, so that the page claims no more than those files.
-The page needs no network, its text no script, and equal content gives equal bytes.
+Verdict, faults of the measurement, the four steps (compare, where it fails, which effect, what adding it changes), open
+questions and the experiment that would decide them, what the data could have shown, tables, sources.  All sentences are
+written from the numbers of diagnosis.json, where.json and the tables, so the page claims no more than these files.  The
+page needs no network, its text needs no script, and equal content gives equal bytes.
 """
 
 from collections.abc import Mapping
@@ -38,14 +38,14 @@ METHOD_SOURCES = (
 )
 OF_RESIDUALS = (
     "The figures below show what the error depends on: measured minus predicted velocity of the contact point, and "
-    "the couple about it that would explain the error. A point contact cannot exert a couple; one that depends on the "
-    "state points to geometry, inertia or measurement."
+    "the couple about it that would explain the error. A point contact cannot exert a couple; a couple that depends on "
+    "the state indicates wrong geometry, inertia or measurement."
 )
 PARTS = ("noise", "parameters", "rigid_point_contact", "choice_of_law", "rest")
 
 
 def contents(critique: DropsCritique, findings: Findings) -> Contents:
-    """Pictures and page of a critique of drops."""
+    """Return pictures and page of a critique of drops."""
     from thesis_lib.figures.critique.pictures import pictures
 
     drawn = pictures(critique, findings.tables, findings.regions)  # pyright: ignore[reportArgumentType]
@@ -56,14 +56,14 @@ def contents(critique: DropsCritique, findings: Findings) -> Contents:
 def report_html(
     critique: DropsCritique, findings: Findings, pictures: Mapping[str, Drawn], images: Mapping[str, bytes]
 ) -> str:
-    """The whole page, of the findings and of pictures by name, with these as PNG; a picture that lacks has no place."""
+    """Return the whole page, from the findings and the pictures by name, also as PNG; missing pictures are omitted."""
     d, where, made, choices = findings.diagnosis, findings.regions, findings.tables, findings.choices
-    assert where is not None  # those of drops have it
+    assert where is not None  # always set for drops
     captions, ladder = tables.captions(critique), made["ladder"]
     drawn = {name: picture(figure, captions[name], images[name]) for name, (figure, _) in pictures.items()}
     models = {**critique.discovery.bases, "augmented": critique.ladder[-1][1]}
     contents = {
-        "The body, and what the model misses there": ("body", body.turnable(critique, choices)),
+        "The body, and where the model errs": ("body", body.turnable(critique, choices)),
         "First: the measurements themselves": ("faults", effects.faults(d)),
         "1. How far the laws are from the measurements": (
             *("compare", data(critique, d), drawn.get("data"), laws(critique, d, ladder), drawn.get("laws")),
@@ -84,7 +84,7 @@ def report_html(
             effects.remaining(critique, d),
         ),
         "A term that is proposed": ("proposed", effects.proposed(d)),
-        "4. What adding it does" if d["effects"] else "4. Nothing was added": (
+        "4. What adding it changes" if d["effects"] else "4. Nothing was added": (
             *("added", effects.ladder_text(critique, d, ladder), drawn.get("ladder"), effects.moved(critique)),
             *(tables.choices_table(made.get("choices")), drawn.get("parameters"), tables.parameters_table(critique)),
         ),
@@ -105,8 +105,8 @@ def report_html(
     if d["verdict"] == "adequate" and len(clearing) < len(d["effects"]):
         word = "✓ adequate: the effects that you switched on are not needed"
     elif d["verdict"] == "unexplained" and not d["remaining"]["structured"]:
-        other = "something that is not the surface hits the body"
-        contradicts = "what would explain it contradicts what is known of the body"
+        other = "something other than the surface hits the body"
+        contradicts = "the effect that would explain it contradicts the known properties of the body"
         word = f"? unexplained: {other if d['remaining'].get('elsewhere') else contradicts}"
     return critique_page(
         d,
@@ -121,12 +121,12 @@ def report_html(
 
 
 def script() -> str:
-    """What makes the page answer: the map of impacts, the body that can be turned, and what is replayed."""
+    """Return the JavaScript of the page: for the map of impacts, the rotatable body, and the replay."""
     return "\n".join((FOLDER / name).read_text(encoding="utf-8") for name in ("impacts.js", "body.js"))
 
 
 def _key_numbers(d: Mapping, ladder: pd.DataFrame) -> list[tuple[str, str, str]]:
-    """Name, value and note of each number at the head of the page."""
+    """Return name, value and note of each number at the head of the page."""
     error, unit = d["error"], d["error"]["unit"]
     first, last = (
         f"held-out, {interval(row['error_low'], row['error_high'])}" for _, row in ladder.iloc[[0, -1]].iterrows()
@@ -149,8 +149,8 @@ def _key_numbers(d: Mapping, ladder: pd.DataFrame) -> list[tuple[str, str, str]]
 def _of_noise(error: Mapping) -> str:
     floor = error["noise_floor"]
     if floor is not None and error["augmented"] < floor:
-        return "an upper estimate, with all that bends the flights; the model errs less"
-    return "what a perfect model would show"
+        return "an upper estimate that includes unmodelled accelerations in flight; the model errs less"
+    return "error of a perfect model"
 
 
 def data(critique: DropsCritique, d: Mapping) -> Markup:
@@ -160,9 +160,9 @@ def data(critique: DropsCritique, d: Mapping) -> Markup:
     first += f". {much_left_out(d)[0]}" if share > MUCH_LEFT_OUT else f"; {few}."
     seen = "which rejected an effect but chose none" if d["rejected"] else "which were used for no choice"
     second = (
-        f"Law and effects were chosen on {len(np.unique(train.trial))} trials; errors are those of the other "
-        f"{len(np.unique(held.trial))} trials ({len(held)} impacts), {seen}. Section 2 alone "
-        "looks at all impacts, because a region needs many."
+        f"Law and effects were chosen on {len(np.unique(train.trial))} trials; errors are from the other "
+        f"{len(np.unique(held.trial))} trials ({len(held)} impacts), {seen}. Only section 2 "
+        "uses all impacts, because a region needs many."
     )
     noise = critique.observations.found.noise
     if critique.observations.arcs and np.isfinite(noise.used[:3]).all():
@@ -176,7 +176,7 @@ def data(critique: DropsCritique, d: Mapping) -> Markup:
             "one sigma each."
         )
     elif critique.observations.noise_known:
-        third = "The noise of poses and velocities is that which the dataset states."
+        third = "The noise of poses and velocities is as stated in the dataset."
     else:
         third = "The dataset states no noise and has no trajectories to estimate it from: the noise floor is unknown."
     return paragraph(first, second, third) + bullets(critique.observations.found.warnings)
@@ -194,7 +194,7 @@ def laws(critique: DropsCritique, d: Mapping, ladder: pd.DataFrame) -> Markup:
     if len(errors) > 1:
         chosen = "chosen by its score on the training trials"
         after_the_fact = (
-            f"Picking the best of the {len(errors)} laws for each impact after the fact would leave an error of "
+            f"Choosing the best of the {len(errors)} laws for each impact after the fact would leave an error of "
             f"{amount(float(best.mean()), unit)}. "
         )
     bounds = f"Without any impulse the error would be {amount(critique.no_impact, unit)}"
@@ -220,13 +220,13 @@ def budget(tables: Mapping[str, pd.DataFrame]) -> Markup:
         known = f"{parameters} is the uncertainty of its parameters; how much is noise is unknown."
     return paragraph(
         f"Of the mean square error of the base law, {known} {rigid} lies beyond any rigid impulse at the believed "
-        f"contact point, so that no friction or restitution can remove it; {law} would vanish with the best law for "
+        f"contact point, so no friction or restitution can remove it; {law} would vanish with the best law for "
         f"each impact; {rest} is left."
     )
 
 
 def where_it_fails(where: Mapping) -> Markup:
-    text = "No rule marks a region in which the base law errs more than elsewhere by more than chance."
+    text = "No region was found in which the base law errs more than elsewhere by more than chance."
     in_flight = then = ""
     if regions := where["regions"]:
         r = regions[0]
@@ -250,7 +250,7 @@ def where_it_fails(where: Mapping) -> Markup:
     if after := where["after"]:
         then = "With the effects no such region is left."
         for r in after["regions"][:1]:
-            over = "over that expected from noise and scatter"
+            over = "relative to the error expected from noise and scatter"
             most = f"{plain_rule(r)} (p = {number(r['p_value'], 2)})"
             then = f"With the effects the error, {over}, is largest where {most}."
     return paragraph(text, in_flight, then) + paragraph(used)
@@ -267,11 +267,11 @@ def power(d: Mapping) -> Markup:
     if not d["detectable"]:
         return Markup()
     return paragraph(
-        "An effect of the size below would have been found with a chance of about 80 % or more, with all other "
-        "parameters fitted and all candidates counted. Two things can set that size. Evidence: a smaller effect would "
-        "not stand out from the noise; this size falls with the square root of the number of drops. Weight: a smaller "
-        "effect would stand out but not raise any error by an amount that matters; more drops do not change that, so "
-        "no number of drops is given."
+        "An effect of the size below would have been found with a probability of about 80 % or more, with all other "
+        "parameters fitted and all candidates counted. Two criteria can set this size. Evidence: a smaller effect "
+        "would not stand out from the noise; this size falls with the square root of the number of drops. Weight: a "
+        "smaller effect would be significant but not raise any error by an amount that matters; more drops do not "
+        "change this, so no number of drops is given."
     )
 
 
@@ -282,7 +282,7 @@ def sources(d: Mapping) -> list[str]:
     lines = [f"{law.title}: {law.reference}." for law in laws]
     lines += [f"{capital(effect.title)}: {effect.reference}." for effect in effects]
     lines += [
-        f"{capital(addition_title(one))}: from {origin_text(one)}, no part of the library (SHA-256 {one['sha256']})."
+        f"{capital(addition_title(one))}: from {origin_text(one)}, not in the library (SHA-256 {one['sha256']})."
         for one in d.get("additions", ())
     ]
     return list(dict.fromkeys([*lines, *METHOD_SOURCES]))

@@ -1,18 +1,18 @@
-"""Tosses replayed on a page: the measured body, what the final model predicts after each hit, heights over time.
+"""Replay of tosses on a page: the measured body, the prediction of the final model after each hit, heights over time.
 
-The prediction starts from the measured state before a hit, and is flown to the next hit that was used, or until the
-body would touch again.  A motion in the plane is drawn as one in space, seen along the surface.
+The prediction starts from the measured state before a hit, and continues to the next hit that was used, or until the
+body would touch again.  Planar motion is drawn as motion in space, seen along the surface.
 
-replay.html draws one frame of each toss and the heights; in the browser, thesis_lib/pages/body.js moves the bodies by
-numbers that the page holds as JSON.
+replay.html draws one frame of each toss and the heights; in the browser, thesis_lib/pages/body.js moves the bodies
+with numbers that the page contains as JSON.
 
 | on paper  | in the JSON | unit | |
 |-----------|-------------|------|--------------------------------------------------------------------------------|
 |           | `vertices`, `faces` | m | of the body, as in `body`                                                  |
-| p, q      | `measured`, `predicted` | m, 1 | pose in each frame, seen along the way that the toss takes; null: none |
-| t         | `t`         | s    | of each frame, from the first of the toss                                      |
+| p, q      | `measured`, `predicted` | m, 1 | pose in each frame, x axis along the path of the toss; null: none  |
+| t         | `t`         | s    | time of each frame, from the first frame of the toss                           |
 | −φ_n      | `heights`   | mm   | of the lowest point, measured and predicted                                    |
-|           | `scale`, `origin`, `at` | | pixels a metre, place of the origin, place of each frame over the heights   |
+|           | `scale`, `origin`, `at` | | pixels per metre; positions of the origin and of each frame over the heights |
 """
 
 from pathlib import Path
@@ -36,19 +36,19 @@ from thesis_lib.report.elements import amount
 
 TEMPLATE = Path(__file__).with_name("replay.html")
 MOST_FRAMES = 240  # of a toss: 30 kB
-LONGEST = 0.5  # s that a prediction is shown
-AGAIN = 0.1  # extents below the surface, at which a body that is flown has touched again
-ELEVATION = 12.0  # degrees above the surface, from where tosses are seen
+LONGEST = 0.5  # s for which a prediction is shown
+AGAIN = 0.1  # extents below the surface at which a predicted body has touched again
+ELEVATION = 12.0  # degrees above the surface of the view of tosses
 SCENE, HEIGHTS = 250, 250  # heights of the pictures in pixels
 LARGEST = (("largest", 0), ("second largest", 1), ("third largest", 2))  # name and rank of errors
-OUTLINE = 60  # points of a planar shape that is round
+OUTLINE = 60  # points of a round planar shape
 SQUARE = 0.1  # m: the squares of the surface
-LATER = 4  # frames from the largest error to the one that is shown first
+LATER = 4  # frames shown after the end of the last prediction
 
 
 class Toss(NamedTuple):
-    """A measured toss in the frame of its way: times (k,) in s, poses (7, k), the predicted ones NaN where there is
-    none, heights (2, k) in m of the lowest point, measured and predicted, and the instants of the hits used."""
+    """A measured toss in a frame along its path: times (k,) in s, poses (7, k), NaN without a prediction, heights
+    (2, k) in m of the lowest point, measured and predicted, and the instants of the hits used."""
 
     t: np.ndarray
     measured: np.ndarray
@@ -58,9 +58,9 @@ class Toss(NamedTuple):
 
 
 def replay(critique: DropsCritique) -> Markup:
-    """The held-out tosses of the largest errors, and those of the median and the smallest one.
+    """Return the held-out tosses with the largest, the median and the smallest error.
 
-    Empty without trajectories, and where a body does not fall onto a single surface.
+    Empty without trajectories, and if the body does not fall onto a single surface.
     """
     source, judged, is_plane = critique.source, critique.ladder[-1][2], critique.space.is_plane
     o = critique.observations
@@ -88,7 +88,7 @@ def replay(critique: DropsCritique) -> Markup:
 
 
 def _measured(source: Dataset) -> State:
-    """All measured poses, in space in the frame of the surface."""
+    """Return all measured poses; in space, in the frame of the surface."""
     if source.space.is_plane:
         assert source.trajectories is not None
         columns = (source.trajectories[name].to_numpy(float) for name in ("x", "y", "theta", "trial", "t"))
@@ -99,21 +99,21 @@ def _measured(source: Dataset) -> State:
 
 
 def _lamina(shape: Shape) -> Polyhedron:
-    """A planar shape as the one face of a solid that stands upright, seen along y."""
+    """Return a planar shape as the single face of an upright solid, seen along y."""
     x, z = shape.outline(OUTLINE).T
     vertices = np.column_stack([x, np.zeros_like(x), z])
     return Polyhedron(vertices, [list(range(len(vertices)))], np.zeros((1, 4)))
 
 
 def _upright(pose: np.ndarray, height: float) -> np.ndarray:
-    """Planar poses (3, k) as poses (7, k) of a body that stands upright over a surface at this height in m."""
+    """Return planar poses (3, k) as poses (7, k) of an upright body over a surface at `height` in m."""
     x, y, theta = pose
     none = np.where(np.isnan(x), np.nan, 0.0)
     return np.array([x, none, y - height, np.cos(theta / 2), none, -np.sin(theta / 2), none])
 
 
 def tossed(critique: DropsCritique, frames: State) -> Toss:
-    """One held-out toss, of its measured frames; in space in the frame of the surface."""
+    """Return one held-out toss from its measured frames; in space, in the frame of the surface."""
     t = frames.t - frames.t[0]
     o = critique.held_out.select(frames.trial[:1])
     here = critique.ladder[-1][1].on(o)
@@ -145,7 +145,7 @@ def tossed(critique: DropsCritique, frames: State) -> Toss:
 
 
 def _along_its_way(frames: State, both: list[np.ndarray]) -> list[np.ndarray]:
-    """Poses of these frames, measured and predicted, in axes of which the first is that of the largest spread."""
+    """Return measured and predicted poses of these frames in axes whose first is the direction of largest spread."""
     middle = both[0][:3].mean(axis=1) * [1.0, 1.0, 0.0]
     x, y = both[0][:2] - middle[:2, None]
     way = 0.5 * np.arctan2(2.0 * (x * y).sum(), (x * x - y * y).sum())
@@ -154,12 +154,12 @@ def _along_its_way(frames: State, both: list[np.ndarray]) -> list[np.ndarray]:
 
 
 def _heights(critique: DropsCritique, frames: State, poses: np.ndarray) -> np.ndarray:
-    """Height (k,) in m of the lowest point at k poses by column, of bodies like those of `frames`."""
+    """Return the height (k,) in m of the lowest point at k poses by column, of the body in `frames`."""
     return critique.observations.rig.gap(frames.select(np.zeros(poses.shape[1], int)).with_pose(poses))
 
 
 def _drawn(toss: Toss, solid: Polyhedron, view: np.ndarray) -> tuple[dict, dict]:
-    """One toss for replay.html, in pixels, and for the script."""
+    """Return one toss for replay.html, in pixels, and its numbers for the script."""
     extent = np.linalg.norm(solid.vertices, axis=1).max()
     places = toss.measured[:3].T @ view[:2].T  # to the right and upwards, in m
     low, high = places.min(axis=0) - extent, places.max(axis=0) + extent

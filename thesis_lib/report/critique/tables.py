@@ -1,6 +1,6 @@
 """Tables and captions of report.html."""
 
-# pandas' stubs do not know the contents of a row
+# pandas' type stubs do not describe the contents of a row
 # pyright: reportAttributeAccessIssue=false, reportArgumentType=false, reportOperatorIssue=false, reportOptionalMemberAccess=false
 # pyright: reportCallIssue=false
 
@@ -33,12 +33,12 @@ TESTS = {
     "homogeneity": "Twice the velocity gives twice the outcome",
 }
 LEVEL = 0.01
-# what the rows of the residuals are, and the second map of the error; by whether the body moves in a plane
+# text on the rows of the residuals, and on the second map of the error; by whether the motion is planar
 ROWS_AND_PLACES = {
     True: (
         "parts of the error",
-        "The map over the energy disc shows what each impact did: the centre is the dead stop, the circle keeps all "
-        "energy at the contact, the lowest point is zero impulse, the highest complete reversal.",
+        "The map over the energy disc shows the outcome of each impact: the centre is the dead stop, the circle "
+        "conserves the energy at the contact, the lowest point is zero impulse, the highest complete reversal.",
     ),
     False: (
         "parts of the error, along the slip before impact (tangential), across it (lateral), along the normal, and the "
@@ -50,7 +50,7 @@ ROWS_AND_PLACES = {
 
 
 def captions(critique: DropsCritique) -> dict[str, str]:
-    """How to read each picture; also the alternative text, after the picture's own title."""
+    """Return the caption of each picture; it is also the alternative text, after the title of the picture."""
     states = "Histograms of the states before impact, training and held-out trials stacked"
     in_plane, o = critique.space.is_plane, critique.observations
     if in_plane and o.arcs and critique.source is not None and critique.source.trajectories is not None:
@@ -59,7 +59,7 @@ def captions(critique: DropsCritique) -> dict[str, str]:
             f"body's outline at the impacts that were used and left out. Below: h{states[1:]}"
         )
     out = "; the bars count impacts used and left out, by reason." if len(critique.observations.found.left_out) else "."
-    two = "left of the base law, right with the effects" if len(critique.ladder) > 1 else "of the base law"
+    two = "left for the base law, right with the effects" if len(critique.ladder) > 1 else "for the base law"
     misfits = ""
     if critique.observations.arcs:
         parts = "flights, of the poses before and after each impact against each other, and of the gap at impact"
@@ -71,36 +71,36 @@ def captions(critique: DropsCritique) -> dict[str, str]:
         "score of each law minus that of the base law.",
         "budget": "The mean square of the base law's held-out error, split into parts that add up to it.",
         "where": f"Mean error of the impacts in each hexagon, {two}; rectangles mark the regions of the table "
-        f"below that these axes can show. {place}",
+        f"below that can be drawn on these axes. {place}",
         "residuals": f"Rows: {parts}; columns: the states on which it depends most. Grey: single impacts of "
         "the base law; lines: means in eight bins with 95 % intervals. The number in each panel is the share of the "
-        "base law's variance that the state explains.",
+        "base law's error variance that the state explains.",
         "flights": "Acceleration in flight, measured minus predicted, in units of noise (1 is noise alone), of all "
         "flights, training and held out. Rows: its parts; columns: the states at mid-flight on which it depends most; "
         "velocities are those of the centre of mass. Grey: single flights of the base law; lines: means in eight bins "
-        "with 95 % intervals. Long flights show what the noise of short ones hides.",
-        "candidates": "What each effect gains if added alone, on held-out trials, with the law that suits it best and "
-        "its 95 % interval; the axis is linear near zero and logarithmic beyond. Shown are those that fitted the "
-        "training trials best. Dashed: what the best of all candidates gains by chance in 5 % of the cases, on the "
-        "training trials.",
+        "with 95 % intervals. Long flights show deviations that noise hides in short flights.",
+        "candidates": "Gain of each effect if added alone, on held-out trials, with the law that suits it best and "
+        "its 95 % interval; the axis is linear near zero and logarithmic beyond. Only the effects that fitted the "
+        "training trials best are shown. Dashed: gain that the best of all candidates exceeds by chance in 5 % of the "
+        "cases, on the training trials.",
         "ladder": "Mean held-out error with its 95 % interval after each added effect, on a logarithmic axis, with "
         f"noise floor and bounds as lines.{misfits}",
         "models": "Left: mean held-out error of each model with its 95 % interval, on a logarithmic axis. Right: its "
         "friction. Open: fitted without the named effects; filled: with them; diamonds are physics engines.",
-        "parameters": "Each parameter with its 95 % interval, from top to bottom as effects are added. An arrow: the "
+        "parameters": "Each parameter with its 95 % interval, from top to bottom as effects are added. Arrows: the "
         "data give only a bound.",
     }
 
 
 def sizes(effect: Mapping) -> list[str]:
-    """Each parameter of an effect with its 95 % interval; effects that are on or off have no size."""
+    """Return each parameter of an effect with its 95 % interval; effects that are on or off have no size."""
     switches = {name: p for name, p in _declared(effect["name"]).items() if p.discrete is not None}
     found = effect["parameters"].items()
     return [switches[name].said(p["value"]) if name in switches else fitted(name, p) for name, p in found]
 
 
 def _declared(effect: str) -> dict[str, Parameter]:
-    """The parameters of an effect by name; none if the library does not hold it."""
+    """Return the parameters of an effect by name; empty if the effect is not in the library."""
     of = EFFECTS.get(effect)
     return {p.name: p for p in (*of.parameters, *of.own_in_space)} if of else {}
 
@@ -110,7 +110,7 @@ def _family(name: str) -> str:
 
 
 def effects_table(d: Mapping) -> Markup:
-    """The effects found, with sizes and gains."""
+    """Return the table of the effects found, with sizes and gains."""
     rows = []
     for e in d["effects"]:
         title = effect_title(e["name"]) + ("" if e["clears"] else " (switched on by you)")
@@ -135,7 +135,7 @@ def effects_table(d: Mapping) -> Markup:
 
 
 def evidence_table(d: Mapping) -> Markup:
-    """Change of the held-out misfit of each channel by each effect that was found, and by those rejected."""
+    """Return the table of changes in each channel's held-out misfit, by each effect found or rejected."""
     shown = [name for name, channel in CHANNELS.items() if channel is IMPACT or d["error"].get(name)]
     rows = []
     for e in d["effects"]:
@@ -153,7 +153,7 @@ def evidence_table(d: Mapping) -> Markup:
 
 
 def regions_table(where: Mapping) -> Markup:
-    """Regions in which the base law fails, and regions that remain with the effects."""
+    """Return the table of regions in which the base law fails, and of regions that remain with the effects."""
     rows = []
     for model, of_model in (("base law", where), ("with the effects", where["after"] or {})):
         for r in of_model.get("regions", []):
@@ -166,14 +166,14 @@ def regions_table(where: Mapping) -> Markup:
         *("inside over expected", "outside over expected", "p", "errors of"),
     )
     caption = (
-        "Regions in which the error is larger than elsewhere. Expected is what noise and the mean scatter of the model "
-        "give at the same states; p counts all rules that were tried"
+        "Regions in which the error is larger than elsewhere. Expected is the error from noise and the mean scatter of "
+        "the model at the same states; p counts all rules that were tried"
     )
     return table(caption, columns, rows, numeric=range(2, 8))
 
 
 def tests_table(where: Mapping) -> Markup:
-    """Tests of whole classes of models; nothing where none is made."""
+    """Return the table of tests of whole classes of models; empty without tests."""
     rows = []
     for name, test in where["class_tests"].items():
         p, detail = test["p_value"], ""
@@ -190,12 +190,12 @@ def tests_table(where: Mapping) -> Markup:
         elif name == "homogeneity" and "speed_ratio" in test:
             detail = f", over speeds that differ by a factor of {number(test['speed_ratio'], 2)}"
         rows.append((TESTS[name], number(p, 2) if p >= 1e-4 else "< 0.0001", verdict + detail))
-    columns = ("what such laws have in common", "p", "what the data say")
+    columns = ("property of such laws", "p", "result")
     return table("Tests of the whole class of laws, before any effect is tried", columns, rows, numeric=(1,))
 
 
 def parameters_table(critique: DropsCritique) -> Markup:
-    """Each parameter without effects and with all of them."""
+    """Return the table of each parameter without effects and with all effects."""
     fits = [critique.ladder[i][1] for i in ((0, -1) if len(critique.ladder) > 1 else (0,))]
     rows = []
     for full in dict.fromkeys(name for fit in fits for name in fit.model.parameters):
@@ -211,7 +211,7 @@ def parameters_table(critique: DropsCritique) -> Markup:
 
 
 def choices_table(found: pd.DataFrame | None) -> Markup:
-    """Held-out error with each choice of the effects found and of their closest rival; nothing without a table."""
+    """Return the held-out error with each choice of the effects found and their closest rival; empty without any."""
     if found is None:
         return Markup()
     rows = [
@@ -221,12 +221,12 @@ def choices_table(found: pd.DataFrame | None) -> Markup:
         )
         for r in found.itertuples()
     ]
-    caption = "The model with each choice of the effects found and their closest rival, fitted anew"
+    caption = "The model with each choice of the effects found and their closest rival, each refitted"
     return table(caption, ("effects", "law", "held-out error [95 %] (m/s)"), rows, numeric=(2,))
 
 
 def comparison_table(tables: Mapping[str, pd.DataFrame], fits: Mapping[str, Fit]) -> Markup:
-    """Held-out errors of laws, bounds and baseline; `fits` are the models, by name."""
+    """Return the table of held-out errors of laws, bounds and baseline; `fits` are the models, by name."""
     rows = []
     for r in tables["comparison"].itertuples():
         fit = fits.get(str(r.model))
@@ -238,14 +238,14 @@ def comparison_table(tables: Mapping[str, pd.DataFrame], fits: Mapping[str, Fit]
         rows.append((name, *parameters, *errors, score, str(int(r.n_failed)), share))
     columns = ("model", "μ", "ε", "mean", "median", "90 %", "score", "failed", "in range")
     caption = (
-        "Held-out error (m/s), log score per impact (nats), failed solves, and share of the outcomes that a law "
-        "reaches with some μ and ε of their own; ± half the 95 % interval"
+        "Held-out error (m/s), log score per impact (nats), failed solves, and share of the outcomes that the law "
+        "reaches with some μ and ε, different for each impact; ± half the 95 % interval"
     )
     return table(caption, columns, rows, numeric=range(1, 9))
 
 
 def _short(p: Mapping) -> str:
-    """value ± half the 95 % interval, ≥ or ≤ a bound."""
+    """Return value ± half the 95 % interval, or ≥ or ≤ a bound."""
     if p["std"] is not None:
         return plus_minus(p["value"], p["std"])
     known = p["bound"] == "upper" or p["value"] > p["range"][0]
@@ -253,7 +253,7 @@ def _short(p: Mapping) -> str:
 
 
 def left_out_table(d: Mapping) -> Markup:
-    """Impacts left out, by reason."""
+    """Return the table of impacts left out, by reason."""
     reasons = sorted(d["left_out"]["reasons"].items(), key=lambda reason: -reason[1])
     counts = [*((reason_text(name), n) for name, n in reasons), ("used", d["n_impacts"])] if reasons else []
     total = sum(n for _, n in counts)
@@ -262,7 +262,7 @@ def left_out_table(d: Mapping) -> Markup:
 
 
 def detectable_table(d: Mapping) -> Markup:
-    """Smallest detectable size of each effect; below the table those of which no size would have been seen."""
+    """Return the smallest detectable size of each effect; below the table, effects not detectable at any size."""
     rows, unseen = [], []
     for e in d["detectable"]:
         declared, parts = _declared(e["name"]), []
@@ -283,7 +283,7 @@ def detectable_table(d: Mapping) -> Markup:
 
 
 def _set_by(entry: Mapping) -> tuple[str, str]:
-    """The limit of the smallest size, and the number of drops that would show half of it."""
+    """Return the criterion that sets the smallest size, and the number of drops that would show half this size."""
     known = [name for name, size in entry["smallest"].items() if size is not None]
     by = ["evidence" if entry["significant"][n] > entry["material"][n] else "weight" for n in known]
     drops = entry["drops_for_half"]
@@ -291,14 +291,14 @@ def _set_by(entry: Mapping) -> tuple[str, str]:
 
 
 def states_table(following: Mapping) -> Markup:
-    """Proposed states before impact."""
+    """Return the table of proposed states before impact."""
     what, which = "difference", "at which the two predictions differ most"
     if following.get("shows") == "misfit":
         what, which = "misfit", "around which the misfit is largest"
     states = following.get("states", [])
     names = {"vx": "v_x (m/s)", "vy": "v_y (m/s)", "omega": "ω (rad/s)", "theta": "θ (rad)", "x": "x (m)"}
     if not (states and "x" in states[0]):
-        del names["x"]  # it matters for some effects only
+        del names["x"]  # x matters only for some effects
     columns = ["state", *names.values()]
     rows = [[str(i), *(number(state[name]) for name in names)] for i, state in enumerate(states, 1)]
     if sigmas := following.get("sigmas"):
@@ -308,10 +308,10 @@ def states_table(following: Mapping) -> Markup:
 
 
 CAPTION = (
-    "Every model fitted to the training trials and judged on the others: held-out error (m/s) with its 95 % interval, "
-    "friction and restitution (at 1 m/s) with ± half the 95 % interval, duration of a central contact at 1 m/s. An "
-    "engine at its defaults is not fitted: it has the contact that it uses if none is specified. “Friction fitted”: "
-    "the same with the friction that suits the training trials best"
+    "Every model is fitted to the training trials and judged on the others: held-out error (m/s) with its 95 % "
+    "interval, friction and restitution (at 1 m/s) with ± half the 95 % interval, duration of a central contact at "
+    "1 m/s. An engine at its defaults is not fitted: it has the contact that it uses if none is specified. “Friction "
+    "fitted”: the same with the friction that fits the training trials best"
 )
 OF_WHOLE_TOSSES = (
     ". Tosses: mean error over all frames of whole held-out tosses, of the position in % of the body's width and of "
@@ -320,7 +320,7 @@ OF_WHOLE_TOSSES = (
 
 
 def models(found: pd.DataFrame | None) -> Markup:
-    """Sentences on the table, and the table; `found` is that of `compare_models`, where it was asked for."""
+    """Return the table with sentences on it; `found` is the result of `compare_models`, None if it was not run."""
     if found is None:
         return Markup()
     rows, follows = [], "position" in found

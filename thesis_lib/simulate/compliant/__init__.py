@@ -1,1 +1,1 @@
-"""Drops with compliant contact in continuous time."""
+"""Drops with compliant contact, simulated in continuous time."""

@@ -1,10 +1,10 @@
 """Falls of planar bodies with compliant contact, compiled: flight, touch, contact, and flight again.
 
-numba compiles this file at the first call, in some seconds, and keeps the result beside it.  What is compiled must
-stand here, since numba does not see changes of functions in other files.  It shares no line with the contacts of the
-critique (`contact.compliant`): these drops are the truth by which that is judged.
+numba compiles this file at the first call, within seconds, and caches the result beside it.  All compiled functions
+must be in this file, since numba does not notice changes of functions in other files.  No code is shared with the
+contacts of the critique (`contact.compliant`): these drops are the ground truth by which the critique is judged.
 
-`forces` says which forces act, `drops` how a fall is cut into steps.  States q, v (5,) are those of `Mechanics`.
+The forces are described in `forces`, the time steps of a fall in `drops`.  States q, v (5,) are those of `Mechanics`.
 """
 
 from typing import NamedTuple
@@ -12,44 +12,44 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-EPSILON_LOW, EPSILON_HIGH, SOFTEST = 0.05, 1.0, 0.1  # limits (of k: a share) where slopes and sectors would exceed them
-SPOT = 0.3  # 1 − cos of the angle at which a soft spot is a third as soft: 46°, so that one corner of a square has it
+EPSILON_LOW, EPSILON_HIGH, SOFTEST = 0.05, 1.0, 0.1  # limits of ε, and lowest share of k, under slopes and patches
+SPOT = 0.3  # 1 − cos of the angle at which a soft spot has decayed to 1/e: 46°; it covers one corner of a square
 
 V_SLOW = 0.05  # m/s; rebounds of slower contacts are below the noise of the rig
-SLOW_TOUCHES = 3  # in a row end a recording
+SLOW_TOUCHES = 3  # this number of slow contacts in a row ends a recording
 MAX_CONTACTS = 25
 BISECTIONS = 34  # of a flight step: 1e-3 / 2^34 = 6e-14 s
-STAGES = ((1.0, 0.5), (2.0, 0.5), (2.0, 1.0), (1.0, 0.0))  # of a Runge-Kutta step: weight, and where the next one is
+STAGES = ((1.0, 0.5), (2.0, 0.5), (2.0, 1.0), (1.0, 0.0))  # Runge-Kutta stages: weight, and time of the next stage
 
-# what a hidden law acts on, and its φ (`hidden_laws`)
+# quantity that a hidden law acts on, and its φ (`hidden_laws`)
 NONE, ON_EPSILON, ON_MU, COUPLE, DIRECTION = range(5)
 SLIP, THRESHOLD, SPIN, ROOT_OF_SPIN, TURNING, LEVER, QUARTERS, ENDS, RELEASE = range(9)
 NO_LAW = (NONE, SLIP, 0.0)
-SLOWEST = 1e-3  # m/s, below every impact that a camera sees
+SLOWEST = 1e-3  # m/s, lower bound on the impact speed in φ; slower impacts are invisible to a camera
 
 compiled = njit(cache=True, error_model="numpy")
 
 
 class World(NamedTuple):
-    """A body over a plate: its outline, its masses, its contact and what is hidden, in SI units."""
+    """A body over a plate: its outline, masses, contact and hidden causes, in SI units."""
 
-    vertices: np.ndarray  # (p, 2) from the true centre of mass; none of a smooth body
+    vertices: np.ndarray  # (p, 2) from the true centre of mass; empty for a smooth body
     axes: tuple[float, float]  # semi-axes of a smooth body
     com: tuple[float, float]  # from the body's origin to the true centre of mass, in its frame
     gravity: tuple[float, float]
-    mass: float  # without the loose one
+    mass: float  # without the loose mass
     inertia: float
     mu: float
     stiffness: float
     exponent: float
     dt: float  # step in contact
-    law: tuple[int, int, float]  # what it acts on, φ, and size
+    law: tuple[int, int, float]  # hidden law: quantity that it acts on, φ, and size
     causes: np.void  # the hidden causes, with the names and units of `HiddenCauses`
 
 
 @compiled
 def place(world, theta, x, r_x, r_y):
-    """Contact points (p,) from the true centre of mass at the angle θ and the place x, into r_x and r_y in m."""
+    """Write the contact points (p,), from the true centre of mass at angle θ and place x, into r_x and r_y in m."""
     cos, sin = np.cos(theta), np.sin(theta)
     if len(world.vertices):
         for k in range(len(world.vertices)):
@@ -60,7 +60,7 @@ def place(world, theta, x, r_x, r_y):
     larger, (c_x, c_y) = 1.0 + world.causes.size_error, _origin(world, theta)
     r_x[0], curvature = 0.0, world.causes.plate_curvature
     for _ in range(5 if curvature else 1):
-        # the lowest point over the slope at the place of the contact itself
+        # point closest to the plate, with the plate's slope at the contact point itself
         psi = np.arctan(curvature * (x + r_x[0]))
         cos, sin = np.cos(theta - psi), np.sin(theta - psi)
         h = np.sqrt(a2 * sin**2 + b2 * cos**2)
@@ -87,13 +87,13 @@ def _lowest(r_y):
 
 @compiled
 def _rise(world, x):
-    """Height in m of a curved plate at x over its middle, and its slope there."""
+    """Height in m of a curved plate at x above its middle, and its slope there."""
     return 0.5 * world.causes.plate_curvature * x * x, world.causes.plate_curvature * x
 
 
 @compiled
 def lowest_points(world, theta, x):
-    """Lowest contact point (n, 2) over the plate, in m from the true centre of mass at angles θ and places x (n,)."""
+    """Contact point (n, 2) closest to the plate, in m from the true centre of mass, at angles θ and places x (n,)."""
     (r_x, r_y), r = np.empty((2, max(len(world.vertices), 1))), np.empty((len(theta), 2))
     for i in range(len(theta)):
         place(world, theta[i], x[i], r_x, r_y)
@@ -114,7 +114,7 @@ def plate(causes, t, phase):
 
 @compiled
 def accelerate(world, q, v, a):
-    """Acceleration (5,) without contact, into `a`."""
+    """Write the acceleration (5,) without contact into `a`."""
     m, drag = world.causes, world.causes.linear_drag
     (a[0], a[1]), a[2], (a[3], a[4]) = world.gravity, 0.0, world.gravity
     if m.quadratic_drag:
@@ -132,7 +132,7 @@ def accelerate(world, q, v, a):
 
 @compiled
 def touch(world, q, restitution, r_x, r_y, epsilon, mu, stiffness):
-    """ε, μ and k in N/mⁿ (p,) of the contact points r of a body that touches."""
+    """Write ε, μ and k in N/mⁿ (p,) of the contact points r of a touching body into the last three arguments."""
     m, (c_x, c_y) = world.causes, _origin(world, q[2])
     for k in range(len(r_x)):
         x, beta = q[0] + r_x[k], np.arctan2(r_y[k] + c_y, r_x[k] + c_x) - q[2] - m.orientation_axis
@@ -149,7 +149,7 @@ def touch(world, q, restitution, r_x, r_y, epsilon, mu, stiffness):
 
 @compiled
 def _phi(world, q, v, speed, trial, r_x, r_y):
-    """φ of the hidden law, of a body that touches at r and came with `speed` in m/s, and r_y."""
+    """φ of the hidden law for a body that touches at r after an approach at `speed` in m/s, and r_y of its contact."""
     form, low = world.law[1], _lowest(r_y)
     k, (c_x, c_y) = np.sqrt(world.inertia / world.mass), _origin(world, q[2])
     beta = np.arctan2(r_y[low] + c_y, r_x[low] + c_x) - q[2]
@@ -164,7 +164,7 @@ def _phi(world, q, v, speed, trial, r_x, r_y):
 
 @compiled
 def _normal(world, depth, rate, deepest, epsilon, stiffness):
-    """Repulsion and adhesion in N of a contact point, and whether it neither touches nor sticks."""
+    """Repulsion and adhesion in N at a contact point, and whether it neither touches nor adheres."""
     m, share = world.causes, epsilon**2
     lift = (1.0 - share) * deepest - depth  # distance beyond δ_0; negative while the contact pushes
     push = 0.0
@@ -183,7 +183,7 @@ def _normal(world, depth, rate, deepest, epsilon, stiffness):
 
 @compiled
 def _friction(world, slip, mobility, push, pressing, mu, stiffness, deepest, bristle):
-    """Friction force in N of a contact point that slips after the kick of the normal forces, and its bristle in m."""
+    """Friction force in N at a contact point, given its slip after the kick of the normal forces, and bristle in m."""
     h, m = world.dt, world.causes
     if m.stribeck:
         mu *= 1.0 + m.stribeck * np.exp(-((slip / m.stribeck_speed) ** 2))
@@ -191,15 +191,15 @@ def _friction(world, slip, mobility, push, pressing, mu, stiffness, deepest, bri
         mu *= 1.0 + m.friction_anisotropy * np.sign(slip)
     limit = mu * push
     if m.tangential_compliance == 0.0:
-        # points that touch together share the force, or the sum would overshoot
+        # points that touch at the same time share the force; otherwise their sum would overshoot
         return min(max(-slip / (mobility * h * max(pressing, 1)), -limit), limit), bristle
     k = stiffness / m.tangential_compliance
     if world.exponent != 1.0:
-        # a Hertz contact grows with depth, and both its stiffnesses with its width
+        # the area of a Hertz contact grows with depth; both stiffnesses grow with its width
         k *= world.exponent * max(deepest, 1e-12) ** (world.exponent - 1.0)
     damping = 2.0 * m.tangential_damping * np.sqrt(k / mobility)
     force = min(max(-k * (bristle + h * slip) - damping * slip, -limit), limit)
-    # spring and damper carry the force together, sliding or not: k s + c ṡ = −force
+    # spring and damper in parallel carry the force, sliding or not: k s + c ṡ = −force
     return force, (damping / h * bristle - force) / (k + damping / h)
 
 
@@ -207,8 +207,8 @@ def _friction(world, slip, mobility, push, pressing, mu, stiffness, deepest, bri
 def _step(world, phase, q, v, t, r, memory, a, speed, trial):
     """One time step in contact: half a drift, a kick, half a drift; q, v and `memory` change.
 
-    `r` (3, p): room for r_x, r_y, push; `memory` (5, p): δ_m, s, ε, μ, k; `a` (5,): room.  Returns the impulse (c_t,
-    c_n) in N s, and whether no point touches or sticks.
+    `r` (3, p): workspace for r_x, r_y, push; `memory` (5, p): δ_m, s, ε, μ, k; `a` (5,): workspace.  Returns the
+    impulse (c_t, c_n) in N s, and whether no point touches or adheres.
     """
     h, w, (r_x, r_y, pushes) = world.dt, 1.0 / world.inertia, r
     deepest, bristle, epsilon, mu, stiffness = memory
@@ -288,7 +288,7 @@ def _drift(q, v, h, out):
 
 @compiled
 def _fly(world, q, v, h, room, ahead, faster):
-    """Position and velocity after a Runge-Kutta step of h in s, into `ahead` and `faster`; `room` is (5, 5)."""
+    """Write position and velocity after a Runge-Kutta step of h s into `ahead`, `faster`; `room`: workspace (5, 5)."""
     at, fast, a, mean_v, mean_a = room
     _copy(q, v, at, fast)
     mean_v[:], mean_a[:] = 0.0, 0.0
@@ -319,14 +319,14 @@ def _seen(world, q, pose):
 
 @compiled
 def falls(world, steps, q0, v0, ticks, phases, epsilons):
-    """The falls of n bodies from q0, v0 (n, 5) at ticks[0] = 0; `phases` of the plate and `epsilons` (n,).
+    """Simulate the falls of n bodies from q0, v0 (n, 5) at ticks[0] = 0; `phases` of the plate and `epsilons` (n,).
 
-    A recording ends with a contact of so many `steps`.
+    A contact that lasts for `steps` time steps ends the recording.
 
     Returns:
-        Poses (n, len(ticks), 3) of the origin, NaN after the end of a recording; that time (n,) in s; the numbers (n,)
-        of contacts; and of each contact (n, most) its states q, v before and after (4, 5), its times (2,) in s, its
-        impulse (2,) in N s and whether the body left the plate.
+        Poses (n, len(ticks), 3) of the origin, NaN after the end of a recording; times (n,) of these ends in s; numbers
+        (n,) of contacts; and for each contact (n, most) the states q, v before and after (4, 5), their times (2,) in s,
+        the impulse (2,) in N s and whether the body left the plate.
     """
     n, p = len(q0), max(len(world.vertices), 1)
     poses, ends, counts = np.full((n, len(ticks), 3), np.nan), np.zeros(n), np.zeros(n, np.int64)

@@ -1,4 +1,4 @@
-"""Contacts of simulated drops as they end: the truth that is kept of each, and whether they bring the body to rest.
+"""Contacts of simulated drops: the ground truth recorded for each, and whether they bring the body to rest.
 
 A body has come to rest after `SLOW_TOUCHES` slow contacts in a row, `MAX_CONTACTS` contacts, or a contact longer than
 `LONGEST` contact times.
@@ -12,7 +12,7 @@ from thesis_lib.simulate.rig.record import CONTACT, contact_columns
 
 LONGEST = 30.0  # contact times
 
-# q, v (m, size) in m, rad and per s, and t (m,) in s; of one drop q, v (size,) and a number
+# q, v (m, size) in m, rad and per s, and t (m,) in s; for a single drop q, v (size,) and a number
 States = tuple[np.ndarray, np.ndarray, np.ndarray]
 State = tuple[np.ndarray, np.ndarray, float]
 TRUTH = (*CONTACT, "duration", "energy_change", "separated")
@@ -29,9 +29,9 @@ def contact_truth(
 ) -> dict[str, np.ndarray]:
     """Columns `TRUTH` of the contacts of the drops `rows` (m,).
 
-    `before` and `after`: q, v (m, 5), or (m, 3 or more) where the last two are given, of the true centre of mass and
+    `before` and `after`: q, v (m, 5) of the true centre of mass (with impulse and energy given, (m, 3 or more)), and
     t (m,) in s; `separated` (m,): whether the body has left the plate; `impulse` (m, 2): c_t, c_n in N s, by default
-    the change of momentum less that due to gravity; `energy_change` (m,): J.
+    the change of momentum minus the impulse of gravity; `energy_change` (m,): J, by default of the kinetic energy.
     """
     (q, v, t), (q_end, v_end, t_end) = before, after
     if impulse is None:
@@ -47,7 +47,7 @@ def contact_truth(
 
 
 class Contacts:
-    """Contacts of n drops that end one after another; `records` are of columns `TRUTH`."""
+    """Contacts of n drops, recorded one after another; `records` have the columns `TRUTH`."""
 
     def __init__(self, mechanics: Mechanics) -> None:
         n = len(mechanics.epsilon)
@@ -56,7 +56,7 @@ class Contacts:
         self._slow, self._count = np.zeros(n, dtype=int), np.zeros(n, dtype=int)
 
     def flies_on(self, row: int) -> bool:
-        """Whether a drop has not come to rest by slow or many contacts."""
+        """Return whether a drop has not come to rest after too many contacts, or too many slow ones in a row."""
         return bool(self._slow[row] < SLOW_TOUCHES and self._count[row] < MAX_CONTACTS)
 
     def add(
@@ -68,9 +68,9 @@ class Contacts:
         impulse: np.ndarray | None = None,
         energy_change: float | None = None,
     ) -> bool:
-        """Record a contact of a drop, between states q, v (size,) and t; returns whether it flies on.
+        """Record a contact of a drop between two states q, v (size,), t; return whether the drop continues to fly.
 
-        `impulse` (2,) and `energy_change` are the engine's own; see `contact_truth`.
+        `impulse` (2,) and `energy_change` are the engine's own, if it gives them; see `contact_truth`.
         """
         rows = np.array([row])
         start, end = ((q[None], v[None], np.asarray(t)[None]) for q, v, t in (before, after))

@@ -1,17 +1,17 @@
-"""Drops of a planar body over a plate, without an impact law: the one way in which they are simulated and recorded.
+"""Drops of a planar body onto a plate, simulated and recorded without an impact law.
 
-What moves the bodies is an engine: our own contact in continuous time (`OwnContact`), MuJoCo or Drake.  Releases,
-hidden causes, the plate's phase, the end of a recording, camera, tracker and truth are the same for all of them.
+An engine moves the bodies: our own contact in continuous time (`OwnContact`), MuJoCo or Drake.  Releases, hidden
+causes, the plate's phase, the end of a recording, camera, tracker and truth are the same for all engines.
 
-Our own gives each drop its own clock.  Flight goes from tick to tick (samples and times between them, at most
-`FLIGHT_STEP` apart) with classical Runge-Kutta steps, exact for a parabola.  Bisection cuts a step that ends below the
-plate at the touch.  From there the contact forces of `forces` are integrated with the small step of the contact until
-nothing touches or sticks; then it flies on.
+Our own engine integrates each drop separately.  Flight advances from tick to tick (samples and times between them, at
+most `FLIGHT_STEP` apart) with classical Runge-Kutta steps, exact for a parabola.  If a step ends below the plate, the
+instant of touch is found by bisection.  From there the contact forces of `forces` are integrated with the small time
+step of the contact until no point touches or sticks; then the flight continues.
 
 A recording ends when the body comes to rest (`contacts`).
 
-`rng` spawns three streams (releases, noise, phase of the plate), each drawn in the order of the drops, so drop i does
-not depend on the number of drops (except under wear, which counts them).  Sources: see `hidden_causes`.
+`rng` spawns three streams (releases, noise, phase of the plate), each drawn in the order of the drops; drop i therefore
+does not depend on the number of drops (except under wear, which depends on it).  Sources: see `hidden_causes`.
 """
 
 from collections.abc import Callable, Iterable, Sequence
@@ -39,7 +39,7 @@ from thesis_lib.simulate.rig.release import Release
 from thesis_lib.simulate.rig.smoothing import low_pass
 from thesis_lib.simulate.rig.tracker import Tracker
 
-FLIGHT_STEP = 1e-3  # s; a corner at 0.05 m turning with 60 rad/s dips by at most 0.02 mm undetected
+FLIGHT_STEP = 1e-3  # s; a corner at 0.05 m of a body spinning at 60 rad/s can penetrate at most 0.02 mm undetected
 
 
 @dataclass(frozen=True)
@@ -53,11 +53,11 @@ class Instants:
 
 @dataclass(frozen=True)
 class Falls:
-    """Motions of n releases by an engine.
+    """Motions of n released bodies, simulated by an engine.
 
     Attributes:
-        poses_at: poses (n, k, 3) of the origin at k times in s that are ticks; NaN after the end of a recording.
-        contacts: of columns `TRUTH`.
+        poses_at: returns the poses (n, k, 3) of the origin at k ticks in s; NaN after the end of a recording.
+        contacts: tables of contacts with the columns `TRUTH`.
         t: (n,) s, ends of the recordings.
     """
 
@@ -73,7 +73,7 @@ class Falls:
         contacts: list[dict[str, np.ndarray]],
         t: np.ndarray,
     ) -> "Falls":
-        """Those of n paths of the true centre of mass: functions from k times to states (k, 3)."""
+        """Falls along n paths of the true centre of mass, which are functions from k times to states (k, 3)."""
 
         def poses_at(times: np.ndarray) -> np.ndarray:
             q = np.array([path(times) for path in paths])
@@ -86,16 +86,16 @@ class Falls:
 
 
 class Engine(Protocol):
-    """Simulator that moves the bodies."""
+    """Simulator that moves the bodies of simulated drops."""
 
     def accepts(
         self, contact: CompliantContact | None, hidden: HiddenCauses | None
     ) -> tuple[CompliantContact, HiddenCauses]:
-        """Contact and hidden causes as the engine has them, its own for None; UserError for what it cannot make."""
+        """Contact and hidden causes as the engine uses them (None: its defaults); UserError if it cannot model them."""
         ...
 
     def fall(self, mechanics: Mechanics, pose: np.ndarray, velocity: np.ndarray, instants: Instants) -> Falls:
-        """The falls of n bodies from poses and velocities (n, 3) of their origins."""
+        """Simulate the falls of n bodies from poses and velocities (n, 3) of their origins."""
         ...
 
 
@@ -117,20 +117,20 @@ def simulate_compliant_drops(
     """Release n bodies over a plate and record their poses.
 
     Args:
-        body, gravity: as believed, m/s².
-        engine: what moves the bodies: `OwnContact()`, the default, `DropsInMujoco()` or `DropsInDrake()`.
+        body, gravity: as believed; gravity in m/s².
+        engine: simulator that moves the bodies: `OwnContact()` (the default), `DropsInMujoco()` or `DropsInDrake()`.
         contact: the contact without hidden causes.
         duration, rate: s, Hz; samples at 0, 1/rate, ... up to the duration.
-        noise: one-sigma noise of position (x, y each) and angle; none where it is None or absent.
-        tracker: how poses are recorded; if None, as they are seen.
+        noise: one-sigma noise of position (x, y each) and angle; no noise if None or absent.
+        tracker: settings of the recording; if None, the poses are recorded as the camera sees them.
 
     Returns:
-        Drops whose `impacts` also have duration (s) and separated (False where the recording ended during the contact),
-        and whose `trials` have contacts (count) and t_end, the end of the recording in s.
+        Drops whose `impacts` also have duration (s) and separated (False if the recording ended during the contact),
+        and whose `trials` have contacts (their number) and t_end, the end of the recording in s.
 
     Raises:
         UserError: the body has no mass, an argument is out of range, a release touches the plate, or the engine cannot
-            make the contact or a hidden cause.
+            model the contact or a hidden cause.
     """
     engine = engine or OwnContact()
     contact, hidden = engine.accepts(contact, hidden)
@@ -171,21 +171,21 @@ def simulate_compliant_drops(
 def refuse_foreign(
     engine: str, contact: CompliantContact, m: HiddenCauses, lacks: Iterable[str], can: Sequence[str], over: str = ""
 ) -> None:
-    """Refuse, with a UserError, what an engine with a linear contact cannot make: causes that it `lacks`, and more."""
+    """Raise UserError for causes that an engine `lacks`, a nonlinear contact, or two motions of the plate at once."""
     if asked := [name for name in lacks if getattr(m, name)]:
         raise UserError(
             f"Drops in {engine} cannot have {', '.join(asked)}{over}: {engine} has no such contact. "
-            f"Take our own simulator for it (OwnContact); {engine} makes {', '.join(can)}."
+            f"Use our own simulator for it (OwnContact); {engine} supports {', '.join(can)}."
         )
     if contact.exponent != 1.0:
         raise UserError(f"{engine}'s contact is linear: exponent must be 1, got {contact.exponent}.")
     if m.plate_velocity and m.plate_amplitude:
-        raise UserError(f"Drops in {engine} have one carriage: give plate_velocity or plate_amplitude, not both.")
+        raise UserError(f"The plate in {engine} has one carriage: give plate_velocity or plate_amplitude, not both.")
 
 
 @dataclass(frozen=True)
 class OwnContact:
-    """Our own integrator; `law`: see `hidden_laws`."""
+    """Our own integrator as an engine; `law` is a hidden law of the contact (see `hidden_laws`)."""
 
     law: tuple[int, int, float] = NO_LAW
 
@@ -195,7 +195,7 @@ class OwnContact:
         return contact or CompliantContact(), hidden or HiddenCauses()
 
     def fall(self, mechanics: Mechanics, pose: np.ndarray, velocity: np.ndarray, instants: Instants) -> Falls:
-        # the loose mass starts at rest in the body
+        # the loose mass starts at rest relative to the body
         centre, motion = mechanics.centre_state(pose, velocity)
         q = np.column_stack([centre, pose[:, 2], centre])
         v = np.column_stack([motion, velocity[:, 2], motion])
@@ -210,14 +210,14 @@ class OwnContact:
 
 
 def _at_ticks(poses: np.ndarray, ticks: np.ndarray) -> Callable[[np.ndarray], np.ndarray]:
-    """Poses (n, k, 3) at k times, of those (n, m, 3) at `ticks` (m,)."""
+    """Function that returns poses (n, k, 3) at k times, selected from the poses (n, m, 3) at `ticks` (m,)."""
     return lambda times: poses[:, np.abs(ticks[:, None] - times).argmin(axis=0)]
 
 
 def _ticks(samples: np.ndarray, lagged: np.ndarray, rate: float) -> np.ndarray:
-    """Times in s at which flights stop: samples, lagged samples, and times between at most `FLIGHT_STEP` apart."""
+    """Times in s at which flight steps end: samples, lagged samples, and times between at most `FLIGHT_STEP` apart."""
     parts = int(np.ceil(1.0 / (rate * FLIGHT_STEP) - 1e-9))
     between = (samples[:-1, None] + np.arange(parts) / (parts * rate)).ravel()
     ticks = np.unique(np.concatenate([between, samples[-1:], lagged]))
-    # a lag near a whole part of a sample would give pairs of ticks that differ by rounding
+    # a lag close to a multiple of the spacing would give pairs of ticks that differ only by rounding
     return ticks[np.r_[True, np.diff(ticks) > 1e-9]]

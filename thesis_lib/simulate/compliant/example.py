@@ -1,7 +1,7 @@
 """An example dataset for learning and trying the critique: the log of a rig with one hidden cause.
 
-The folder holds only what a rig's owner has: dataset.yaml as believed, trajectories.csv with noise, and `NEW_IMPACTS`,
-the first impacts of further drops (`compliant.drops`).
+The folder holds only data that the owner of a rig would have: dataset.yaml as believed, trajectories.csv with noise,
+and `NEW_IMPACTS`, the first impacts of further drops (`compliant.drops`).
 """
 
 from dataclasses import dataclass
@@ -37,7 +37,7 @@ BODIES = {"ellipse": ELLIPSE_BODY, "square": SQUARE}
 NEW_IMPACTS = "new_impacts.csv"
 NEW_DROPS = 40
 DESCRIPTION = "example: simulated drops of a rig that may not be what dataset.yaml says"
-FLOAT_FORMAT = "%.6f"  # of the poses: a micrometre and a microradian, far below the noise
+FLOAT_FORMAT = "%.6f"  # resolves poses to a micrometre and a microradian, far below the noise
 
 
 @dataclass(frozen=True)
@@ -46,7 +46,7 @@ class Example:
 
     dataset: Dataset  # the drops, with the header as believed
     # x,y,theta,vx,vy,omega (m, rad, m/s, rad/s) just before the first impacts of `NEW_DROPS` further drops, and
-    # vx_seen,vy_seen,omega_seen just after, as the camera sees them but without noise
+    # vx_seen,vy_seen,omega_seen just after them, as the camera would see them without noise
     new_impacts: pd.DataFrame
 
 
@@ -62,14 +62,14 @@ def simulate_example(
     contact: CompliantContact | None = None,
     shape: str = "",
 ) -> Example:
-    """Simulate an example with the cause `hidden` of `CAUSES`, or "nothing"; `size`: in its unit, default there.
+    """Simulate an example with the cause `hidden` of `CAUSES`, or "nothing"; `size`: in its unit, default in `CAUSES`.
 
-    `tracker` is how the drops are recorded; if None, as they are seen.  `engine` is what moves
-    the bodies, `contact` what that engine calls contact; if None, its default.
+    `tracker` holds the settings of the recording; if None, poses are recorded as the camera sees them.  `engine` is the
+    simulator that moves the bodies, `contact` its contact settings; if None, the default ones.
     `shape` is "ellipse" or "square"; by default the ellipse unless the cause needs corners.
 
     Raises:
-        UserError: the cause is unknown or needs corners, its size is out of range, the engine cannot make it, or there
+        UserError: the cause is unknown or needs corners, its size is out of range, the engine cannot model it, or there
             are no drops.
     """
     causes = _hidden_causes(hidden, size)
@@ -79,7 +79,7 @@ def simulate_example(
         raise UserError(f"The seed must be 0 or more; got {seed}.")
     cornered = hidden in CAUSES and CAUSES[hidden].polygon_only
     if cornered and shape == "ellipse":
-        raise UserError(f"{hidden} needs corners, and an ellipse has none; leave --shape out, or give --shape square.")
+        raise UserError(f"{hidden} needs corners, and an ellipse has none; omit --shape, or give --shape square.")
     body = BODIES[shape or ("square" if cornered else "ellipse")]
 
     def released(n: int, part: str) -> DropsWithTruth:
@@ -94,7 +94,7 @@ def simulate_example(
 
 
 def _new_impacts(truth: pd.DataFrame, m: HiddenCauses) -> pd.DataFrame:
-    """Camera's view of the states before and after impact, from true states of the body's origin."""
+    """States before and after impact as the camera reports them, from true states of the body's origin."""
     q, t = truth[list(POSE)].to_numpy(), truth["t"].to_numpy()
     (pose, before), (_, after) = (_camera(q, truth[list(names)].to_numpy(), t, m) for names in (V_PRE, V_POST))
     columns = dict(zip(POSE, pose.T))
@@ -104,7 +104,7 @@ def _new_impacts(truth: pd.DataFrame, m: HiddenCauses) -> pd.DataFrame:
 
 
 def _camera(q: np.ndarray, v: np.ndarray, t: np.ndarray, m: HiddenCauses) -> tuple[np.ndarray, np.ndarray]:
-    """Reported pose and velocity of true ones (n, 3) at times `t` (n,) in s."""
+    """Pose and velocity as the camera reports them, from the true ones (n, 3) at times `t` (n,) in s."""
     step = np.array([0.0, 1e-3])  # s; any step gives the same velocity along a straight path
     poses = q[:, None] + step[:, None] * v[:, None]
     late = poses[..., 2] - m.time_lag * v[:, 2:]
@@ -127,7 +127,7 @@ def causes_text() -> str:
         meaning = HiddenCauses.model_fields[name].description
         size = "on" if name == "mirrored" else f"{cause.size:g}"
         lines.append(f"  {name:<{width}}  {size:<8} {meaning}{'' if cause.effects else ' (no effect fits)'}")
-    return "\n".join([*lines, f"  {NOTHING:<{width}}  {'':<8} a rig that is what its dataset.yaml says"])
+    return "\n".join([*lines, f"  {NOTHING:<{width}}  {'':<8} a rig that agrees with its dataset.yaml"])
 
 
 def _hidden_causes(hidden: str, size: float | None) -> HiddenCauses:
@@ -139,6 +139,6 @@ def _hidden_causes(hidden: str, size: float | None) -> HiddenCauses:
         raise UserError(f"There is no hidden cause {hidden!r}; known are {', '.join(CAUSES)} and {NOTHING}.")
     if hidden == "mirrored":
         if size not in (None, 1.0):
-            raise UserError("A mirrored camera is on or off; leave --size out.")
+            raise UserError("A mirrored camera is either on or off; omit --size.")
         return HiddenCauses(mirrored=True)
     return of_size(HiddenCauses, hidden, CAUSES[hidden].size if size is None else size)

@@ -1,15 +1,15 @@
 """Laws of the contact that no effect of the library describes, hidden in compliant drops.
 
-Each changes one quantity of the contact by the factor 1 + a φ, or adds a φ times the normal impulse, with φ a number
-without unit that the state gives.  ε is fixed when the body touches; μ, the couple and the sideways impulse follow the
-motion during the contact, as a material would (`compiled`).
+Each law multiplies one quantity of the contact by 1 + a φ, or adds a φ times the normal impulse, where φ is a
+dimensionless function of the state.  ε is fixed when the body touches; μ, the couple and the sideways impulse follow
+the motion during the contact, as in a real material (`compiled`).
 
 | on paper | in code | unit | meaning                                                                 |
 |----------|---------|------|-------------------------------------------------------------------------|
 | a        | `size`  | 1    | relative change of ε or μ; couple over k c_n; sideways impulse over c_n |
-| φ        | `phi`   | 1    | of slip v_t/v, spin ω k/v, lever r_x/k, place β on the body, release    |
+| φ        | `phi`   | 1    | function of slip v_t/v, spin ω k/v, lever r_x/k, place β or release     |
 
-v is the speed of the contact point at the touch, k the radius of gyration; releases count in hundreds.
+v is the speed of the contact point at the touch, k the radius of gyration; the release number enters in hundreds.
 """
 
 from dataclasses import dataclass
@@ -21,7 +21,7 @@ from thesis_lib.simulate.compliant.drops import OwnContact
 
 @dataclass(frozen=True)
 class HiddenLaw:
-    """What a law acts on, its φ, and a size that raises the error of the best law to several noise floors."""
+    """Quantity that a law acts on, its φ, and a size that raises the error of the best law to several noise floors."""
 
     acts_on: Literal["epsilon", "mu", "couple", "direction"]
     phi: int
@@ -38,13 +38,13 @@ HIDDEN_LAWS = {
     "friction_by_spin": HiddenLaw("mu", c.SPIN, 2.0),
     "couple_by_spin": HiddenLaw("couple", c.TURNING, -0.15),
     "direction_by_lever": HiddenLaw("direction", c.LEVER, 0.08),
-    # of forms that no product of powers has
+    # forms that are not a product of powers
     "restitution_by_threshold": HiddenLaw("epsilon", c.THRESHOLD, -0.3),
     "friction_by_root_of_spin": HiddenLaw("mu", c.ROOT_OF_SPIN, 1.2),
 }
 
 
 def hiding(name: str, size: float | None = None) -> OwnContact:
-    """The engine that hides a law of `HIDDEN_LAWS`; `size`: None for its own."""
+    """Return the engine that hides a law of `HIDDEN_LAWS`; `size` None: the size given there."""
     law = HIDDEN_LAWS[name]
     return OwnContact((_ACTS_ON[law.acts_on], law.phi, law.size if size is None else size))

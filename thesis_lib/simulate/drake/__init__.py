@@ -1,1 +1,1 @@
-"""Drops in Drake, with its own contact."""
+"""Drops and tosses simulated in Drake."""

@@ -1,12 +1,12 @@
 """A Drake simulator whose state can be set and read, and flights that end at a touch.
 
-Drake steps a flight from sample to sample and logs the state at every step in C++.  The time of the touch, φ_n = 0, is
-found by bisection on the cubic Hermite path (exact for a parabola) of the step that ends below the plate.
+Drake advances a flight from sample to sample and logs the state at every step in C++.  The time of the touch, φ_n = 0,
+is found by bisection on the cubic Hermite path (exact for a parabola) of the step that ends below the plate.
 
 Source: R. Tedrake and the Drake development team, Drake, https://drake.mit.edu (Simulator, RungeKutta3Integrator).
 """
 
-# Drake's stubs accept ndarray[float64] only, though lists and other arrays work, and lack the types of ports
+# Drake's type stubs accept only ndarray[float64], although lists and other arrays work, and lack the types of ports
 # pyright: reportArgumentType=false, reportCallIssue=false, reportAttributeAccessIssue=false, reportReturnType=false
 
 import logging
@@ -20,13 +20,13 @@ from scipy.interpolate import CubicHermiteSpline
 from thesis_lib.mechanics.bisection import bisected
 from thesis_lib.simulate.drake.plant import DropPlant
 
-BISECTIONS = 34  # of a step: 2e-3 s / 2^34 = 1e-13 s
+BISECTIONS = 34  # number of halvings of a step: 2e-3 s / 2^34 = 1e-13 s
 # gap (s,) in m between body and surface at positions (s, size) and times (s,) in s
 Gap = Callable[[np.ndarray, np.ndarray], np.ndarray]
 
 
 class Clock:
-    """A Drake simulator with positions and velocities (size,): x, y, θ (m, rad, per s), then a loose mass's."""
+    """A Drake simulator with positions and velocities (size,): x, y, θ (m, rad, per s), then those of a loose mass."""
 
     def __init__(self, made: DropPlant, step: float, accuracy: float) -> None:
         with quiet():
@@ -39,7 +39,7 @@ class Clock:
         self._rest = np.zeros(made.plant.num_multibody_states())
 
     def start(self, t: float, q: np.ndarray, v: np.ndarray) -> None:
-        """Set time in s and state (size,); the rest of the plant is at rest."""
+        """Set the time in s and the state (size,) of the moving bodies; everything else is at rest."""
         plant, moving = self.made.plant, self.made.moving
         self.root.SetTime(t)
         plant.SetPositionsAndVelocities(self.context, self._rest)
@@ -55,7 +55,7 @@ class Clock:
         return plant.GetPositions(self.context, moving), plant.GetVelocities(self.context, moving)
 
     def path(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Times (s,), positions and velocities (s, size) of all steps since the start, in flight only."""
+        """Times (s,), positions and velocities (s, size) of all steps since the start; only for flights."""
         log = self.made.log.FindLog(self.root)  # pyright: ignore[reportOptionalMemberAccess]
         state = log.data().T
         return log.sample_times().copy(), state[:, : self.size].copy(), state[:, self.size :].copy()
@@ -72,9 +72,9 @@ class Clock:
 def fly(
     clock: Clock, gap: Gap, t: float, q: np.ndarray, v: np.ndarray, samples: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, bool]:
-    """A flight from (t, q, v) to the last of the times `samples` in s, or until the body touches.
+    """Simulate a flight from (t, q, v) to the last of the times `samples` in s, or until the body touches.
 
-    Returns times (s,), positions and velocities (s, size) of its steps, and whether it ends just above a touch.
+    Returns times (s,), positions and velocities (s, size) of its steps, and whether it ended at a touch (just above).
     """
     clock.start(t, q, v)
     for end in samples:
@@ -83,7 +83,7 @@ def fly(
             break
     times, q_path, v_path = clock.path()
     below = np.flatnonzero(gap(q_path, times) < 0.0)
-    below = below[below > 0]  # a flight may begin on the surface, but for rounding, where a contact ended
+    below = below[below > 0]  # a flight may begin on the surface (within rounding), where a contact ended
     if not len(below):
         return times, q_path, v_path, False
     i = below[0]
@@ -95,7 +95,7 @@ def fly(
 
 @contextmanager
 def quiet() -> Iterator[None]:
-    """Suppress Drake's warning that half-spaces cannot touch deformable bodies; there are none."""
+    """Suppress Drake's warning that half-spaces cannot touch deformable bodies (there are no deformable bodies)."""
     log = logging.getLogger("drake")
     level = log.level
     log.setLevel(logging.ERROR)

@@ -1,8 +1,8 @@
-"""Drops of a planar body in Drake with compliant contact: a second source without an impact law.
+"""Drops of a planar body in Drake with compliant contact: a second source of data without an impact law.
 
 Drake's MultibodyPlant has the body, the plate and the hidden causes (`plant`).  Drake logs its steps, and poses at the
 samples are interpolated (cubic Hermite, exact for a parabola).  A contact lasts from the touch until body and plate,
-both undeformed, no longer overlap.  Its impulse is the change of momentum less that due to gravity.
+both undeformed, no longer overlap.  Its impulse is the change of momentum minus the impulse of gravity.
 
 Everything else is as in all simulated drops (`compliant.drops`).
 Sources: R. Tedrake and the Drake development team, Drake, https://drake.mit.edu (Simulator, RungeKutta3Integrator).
@@ -24,14 +24,14 @@ from thesis_lib.simulate.drake.plant import Surface, drop_plant, pad_of
 from thesis_lib.simulate.drake.viscoelastic_pad import Pad
 from thesis_lib.simulate.rig.hidden_causes import CAUSES, CompliantContact, HiddenCauses
 
-FLIGHT_STEP = 2e-3  # s; a corner at 0.05 m turning with 30 rad/s dips by at most 0.02 mm undetected
-# relative, of Drake's error control; a tenth of it moves velocities after impact by 0.01 mm/s
+FLIGHT_STEP = 2e-3  # s; a corner at 0.05 m of a body spinning at 30 rad/s can penetrate at most 0.02 mm undetected
+# relative accuracy of Drake's error control; a tenth of it changes velocities after impact by 0.01 mm/s
 ACCURACY = 1e-4
-LOOKS = 4  # checks per contact time whether the contact has ended
-POINTS = 20  # per contact time, of the path in Drake's own contact: samples may fall into it
-WEAR_NODES = 5  # pads from which those of worn plates are interpolated
+LOOKS = 4  # number of checks per contact time whether the contact has ended
+POINTS = 20  # states per contact time that are recorded in Drake's own contact, as samples may fall into it
+WEAR_NODES = 5  # number of pads between which the pads of worn plates are interpolated
 
-# causes without an element in Drake: they would only repeat the formulas of `compliant`
+# causes for which Drake has no element: modelling them would only repeat the formulas of `compliant`
 WITHOUT_ELEMENT = (
     *("stribeck", "friction_anisotropy", "rolling_lever", "adhesion_energy", "orientation_restitution"),
     *("friction_slope", "restitution_slope", "stiffness_slope", "soft_spot", "stiffness_patch"),
@@ -39,8 +39,8 @@ WITHOUT_ELEMENT = (
     *(f"{what}_{shape}" for what in ("restitution", "friction") for shape in ("patch", "bump", "step")),
 )
 SUPPORTED: tuple[str, ...] = tuple(name for name in CAUSES if name not in WITHOUT_ELEMENT)
-# the contact of each surface; in Drake's own it is Hunt and Crossley's dissipation that loses energy, so that it is not
-# hidden cause, and a hydroelastic body has sharp edges and no stiffness to compare a tangential one with
+# causes that can be hidden with each surface; Drake's own contact dissipates by Hunt and Crossley's law, which is then
+# not a hidden cause; a hydroelastic body has sharp edges and no normal stiffness to which a tangential one could relate
 SURFACES: dict[str, tuple[str, ...]] = {
     "pad": SUPPORTED,
     "point": tuple(name for name in SUPPORTED if name != "hunt_crossley"),
@@ -54,9 +54,9 @@ SURFACES: dict[str, tuple[str, ...]] = {
 class DropsInDrake:
     """Drake as the engine of simulated drops.
 
-    `surface` is "pad" (restitution that knows neither speed nor lever), or Drake's own contact, "point" or
-    "hydroelastic", in which ε and the contact time are those of a central impact at `REFERENCE_SPEED`.  The exponent of
-    the contact must be 1, and its `steps` are not used.
+    `surface` is "pad" (restitution independent of speed and lever), or Drake's own contact, "point" or "hydroelastic",
+    for which ε and the contact time are those of a central impact at `REFERENCE_SPEED`.  The exponent of the contact
+    must be 1, and its `steps` are not used.
     """
 
     surface: str = "pad"
@@ -76,7 +76,7 @@ class DropsInDrake:
 
 
 class _Run:
-    """Drake's simulators, and the contacts of all drops; states hold body, then loose mass."""
+    """Drake's simulators and the contacts of all drops of one run; states hold the body, then the loose mass."""
 
     def __init__(self, surface: str, mechanics: Mechanics) -> None:
         self.mechanics, self.contact, self.surface = mechanics, mechanics.contact, surface
@@ -90,7 +90,7 @@ class _Run:
         self._plate: tuple[float, Clock] | None = None
 
     def falls(self, pose: np.ndarray, velocity: np.ndarray, samples: np.ndarray) -> Falls:
-        """The drops one after another."""
+        """Simulate the drops one after another."""
         paths = [self._fall(i, *state, samples) for i, state in enumerate(zip(pose, velocity))]
         return Falls.along(paths, self.mechanics, self.contacts.records, np.array([path.x[-1] for path in paths]))
 
@@ -98,7 +98,7 @@ class _Run:
         """Path of one drop from the pose and velocity (3,) of its origin to the last sample, or to rest."""
         flight, mech = self._flight, self.mechanics
         (centre,), (rate,) = mech.centre_state(pose[None], velocity[None])
-        q, v = np.zeros((2, flight.size))  # a loose mass starts at rest in the body
+        q, v = np.zeros((2, flight.size))  # a loose mass starts at rest relative to the body
         q[:3], v[:3] = np.r_[centre, pose[2]], np.r_[rate, velocity[2]]
         t, path, flies_on = 0.0, [], True
 
@@ -120,16 +120,16 @@ class _Run:
             impulse = p_1 - p_0 - mech.mass * mech.gravity * (t - start[2])
             flies_on = self.contacts.add(trial, start, (q, v, t), separated, impulse, e_1 - e_0)
         times, q, v = (np.concatenate(part) for part in zip(*path))
-        # a flight begins with the state in which the contact ended
+        # a flight begins with the state at the end of a contact, which is then listed twice
         times, first = np.unique(times, return_index=True)
         return CubicHermiteSpline(times, q[first], v[first])
 
     def _touch_down(
         self, trial: int, t: float, q: np.ndarray, v: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray, bool]:
-        """Times (s,), positions and velocities (s, size) in a contact to its end, and whether the body left the plate.
+        """Simulate a contact; return times (s,), positions, velocities (s, size), and whether the body left the plate.
 
-        Over a pad, whose contacts are short, the end alone.
+        With a pad, whose contacts are short, only the state at the end is returned.
         """
         clock, mech, T = self._over_plate(trial), self.mechanics, self.contact.contact_time
         clock.start(t, q, v)
@@ -151,7 +151,7 @@ class _Run:
         return times, q_path, v_path, separated
 
     def _over_plate(self, trial: int) -> Clock:
-        """Simulator over a plate of the drop's restitution; reused while that stays the same."""
+        """Simulator with a plate of the drop's restitution; reused as long as the restitution stays the same."""
         epsilon = float(self.mechanics.epsilon[trial])
         if self._plate is None or self._plate[0] != epsilon:
             made = drop_plant(*self._of, self.mechanics.believed_gravity, self._made_of(epsilon))

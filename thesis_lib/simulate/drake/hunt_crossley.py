@@ -1,13 +1,13 @@
-"""Drake's own contact, without a pad: a spring whose loss grows with depth and rate, and its map from (ε, T).
+"""Drake's own contact, without a pad: a spring with a loss that grows with depth and rate, and its map from (ε, T).
 
-Drake's compliant contact is f = k δⁿ (1 + d δ̇)₊ (Hunt and Crossley): n = 1 in point contact, and in hydroelastic
-contact n is that of the overlap of the two shapes, about 2 for an ellipsoid or an edge.  A mass m that lands with v
-leaves with ε v, and touches for T, where in units of v and of the length L, m v² = k L^(n+1),
+Drake's compliant contact is f = k δⁿ (1 + d δ̇)₊ (Hunt and Crossley): n = 1 in point contact; in hydroelastic contact
+n depends on the overlap of the two shapes and is about 2 for an ellipsoid or an edge.  A mass m that lands with speed v
+leaves with ε v after the contact time T; in units of v and of the length L, where m v² = k L^(n+1),
 
     x'' = −xⁿ (1 + D x'),    x(0) = 0,    x'(0) = 1,    D = d v,    T = S L / v
     D (1 + ε) = ln((1 + D) / (1 − ε D))        (from v dv / (1 + d v) = −k/m δⁿ dδ, for any n)
 
-so that ε falls with the speed, from 1 at v → 0.  (ε, T) are those of a central impact at `REFERENCE_SPEED`.
+ε therefore falls with the speed, from 1 at v → 0.  (ε, T) are those of a central impact at `REFERENCE_SPEED`.
 
 Source: K. H. Hunt and F. R. E. Crossley 1975, doi 10.1115/1.3423596; R. Tedrake and the Drake development team, Drake,
 https://drake.mit.edu ("Compliant point contact", "Hydroelastic contact").
@@ -31,14 +31,14 @@ class Spring:
 
 
 def dissipation(epsilon: float, speed: float = REFERENCE_SPEED) -> float:
-    """d in s/m of a contact with restitution `epsilon` at `speed` in m/s."""
+    """Dissipation d in s/m of a contact with restitution `epsilon` at `speed` in m/s."""
     if epsilon >= 1.0:
         return 0.0
 
     def excess(D: float) -> float:
         return D * (1.0 + epsilon) - math.log((1.0 + D) / (1.0 - epsilon * D))
 
-    # positive for small D, as 1 − ε > 0, and negative near the pole; where ε is below 0.04, the zero is nearer yet
+    # positive for small D, as 1 − ε > 0, and negative near the pole; if ε is below 0.04, the zero is even closer to it
     most = (1.0 - 1e-12) / epsilon
     if excess(most) >= 0.0:
         return most / speed
@@ -46,17 +46,17 @@ def dissipation(epsilon: float, speed: float = REFERENCE_SPEED) -> float:
 
 
 def restitution(d: float, speed: float) -> float:
-    """ε of a contact with dissipation `d` in s/m at `speed` in m/s."""
+    """Restitution ε of a contact with dissipation `d` in s/m at `speed` in m/s."""
     return -_bounce(d * speed, 1.0)[1]
 
 
 def duration(damping: float, exponent: float) -> float:
-    """S (1) of a contact with D = `damping` and n = `exponent`."""
+    """Dimensionless duration S of a contact with D = `damping` and n = `exponent`."""
     return _bounce(damping, exponent)[0]
 
 
 def _bounce(damping: float, exponent: float) -> tuple[float, float]:
-    """Duration and last velocity of the contact in units of L and v, integrated."""
+    """Duration and final velocity of the contact in units of L and v, by numerical integration."""
 
     def rate(_: float, state: tuple[float, float]) -> list[float]:
         x, v = state

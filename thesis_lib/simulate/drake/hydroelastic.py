@@ -1,16 +1,16 @@
 """Drake's hydroelastic contact: a soft thick body on a hard plate.
 
 The planar body is one of Drake's solids with a pressure field, kept in the plane by its joint: an ellipsoid whose third
-axis is its longest, or a box as deep as its longest side.  Its pressure at a point is the modulus times the depth below
-its own surface, over that of its middle; the contact's force is the integral of that pressure over the area where the
-plate cuts the body, times (1 + d v_n)₊.  So a corner meets the plate in a strip that grows with depth, a side in its
-whole face, and nothing needs to say how many corners press at once.
+axis equals its longest, or a box as deep as its longest side.  The pressure at a point is the modulus times the depth
+below the body's surface, relative to the depth of its middle; the contact force is the integral of this pressure over
+the area where the plate cuts the body, times (1 + d v_n)₊.  A corner therefore touches the plate in a strip that grows
+with depth, a side with its whole face, and the number of corners in contact need not be specified.
 
-Contact surfaces of ellipsoids are those of a mesh: at edges of a tenth of the shortest axis force and lever are within
-a few per cent of finer ones (edges four times as long halve the force).  A box needs no refinement.
+Contact surfaces of ellipsoids are computed on a mesh: with edges of a tenth of the shortest axis, force and lever are
+within a few per cent of those on finer meshes (edges four times as long halve the force).  A box needs no refinement.
 """
 
-# Drake's stubs accept ndarray[float64] only, though lists and other arrays work, and lack the types of ports
+# Drake's type stubs accept only ndarray[float64], although lists and other arrays work, and lack the types of ports
 # pyright: reportArgumentType=false, reportAttributeAccessIssue=false
 
 from dataclasses import dataclass
@@ -32,7 +32,7 @@ from thesis_lib.bodies.shapes import Polygon
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.simulate.rig.hidden_causes import CompliantContact
 
-RECTANGLE = 1e-9  # m, how far corners may be from a rectangle's
+RECTANGLE = 1e-9  # m, tolerance of the corners of a rectangle
 
 
 @dataclass(frozen=True)
@@ -44,10 +44,10 @@ class HydroelasticBody:
     edge: float
 
     def properties(self, contact: CompliantContact, *, soft: bool) -> ProximityProperties:
-        """Contact properties of the body, or of the hard plate."""
+        """Contact properties of the soft body, or of the hard plate."""
         properties = ProximityProperties()
         friction = CoulombFriction(contact.mu, contact.mu)
-        # Drake adds the dissipation of a soft body only
+        # Drake uses only the dissipation of the soft body
         AddContactMaterial(dissipation=self.dissipation, friction=friction, properties=properties)
         if soft:
             AddCompliantHydroelasticProperties(self.edge, self.modulus, properties)
@@ -57,10 +57,10 @@ class HydroelasticBody:
 
 
 def solid_shape(body: Body, grown: float) -> Shape:
-    """The thick body, `grown` by a factor.
+    """The thick body that represents a planar body, with all lengths multiplied by `grown`.
 
     Raises:
-        UserError: a polygon other than a rectangle about its origin, with sides along its axes.
+        UserError: a polygon is not a rectangle about its origin with sides along its axes.
     """
     shape = body.shape
     if not isinstance(shape, Polygon):
@@ -71,6 +71,6 @@ def solid_shape(body: Body, grown: float) -> Shape:
     if len(corners) != 4 or not np.allclose(np.abs(corners), [a, b], rtol=0.0, atol=RECTANGLE):
         raise UserError(
             "Drake's hydroelastic bodies are ellipses, disks and rectangles about their origin with sides along their "
-            'axes; take surface="point" for other polygons.'
+            'axes; use surface="point" for other polygons.'
         )
     return Box(2.0 * grown * a, 2.0 * grown * b, 2.0 * grown * max(a, b))

@@ -1,10 +1,10 @@
-"""The modulus of a hydroelastic body for a contact time, from Drake's own contact.
+"""Modulus of a hydroelastic body that gives a required contact time, from measurements of Drake's own contact.
 
-The force is proportional to the modulus, and a power of the depth to a few per cent.  Both are measured in a central
-pose (an ellipse on its short axis, a box on a corner), and `hunt_crossley` gives the rest.
+The force is proportional to the modulus and, within a few per cent, to a power of the depth.  Factor and power are
+measured in a central pose (an ellipse on its short axis, a box on a corner); `hunt_crossley` gives the rest.
 """
 
-# Drake's stubs lack the types of ports
+# Drake's type stubs lack the types of ports
 # pyright: reportArgumentType=false, reportAttributeAccessIssue=false, reportCallIssue=false
 
 import numpy as np
@@ -16,13 +16,13 @@ from thesis_lib.simulate.drake.hydroelastic import HydroelasticBody
 from thesis_lib.simulate.drake.plant import Surface, drop_plant
 from thesis_lib.simulate.rig.hidden_causes import REFERENCE_SPEED, CompliantContact, HiddenCauses
 
-RESOLUTION = 0.1  # edges of an ellipsoid's mesh over its shortest axis
+RESOLUTION = 0.1  # length of the edges of an ellipsoid's mesh over its shortest axis
 TRIAL_MODULUS = 1e6  # Pa
-ROUNDS = 4  # of exponent and depth, each of which moves the other by a few per cent
+ROUNDS = 4  # iterations of exponent and depth, each of which changes the other by a few per cent
 
 
 def static_force(body: Body, surface: Surface, theta: float, depths: np.ndarray) -> np.ndarray:
-    """Normal force (n,) in N on a body at rest at the angle `theta` in rad, sunk in by `depths` (n,) in m."""
+    """Normal force (n,) in N on a body at rest at the angle `theta` in rad, at the penetrations `depths` (n,) in m."""
     made = drop_plant(body, CompliantContact(mu=0.0), HiddenCauses(), 9.81, surface)
     root = made.diagram.CreateDefaultContext()
     context = made.plant.GetMyMutableContextFromRoot(root)
@@ -37,7 +37,7 @@ def static_force(body: Body, surface: Surface, theta: float, depths: np.ndarray)
 
 
 def central_angle(body: Body) -> float:
-    """θ in rad at which the lowest point is below the middle: an ellipse on its short axis, a box on a corner."""
+    """θ in rad at which the lowest point is directly below the middle: ellipse on its short axis, box on a corner."""
     if not isinstance(body.shape, Polygon):
         a, b = body.shape.semi_axes
         return 0.0 if a >= b else 0.5 * np.pi
@@ -47,7 +47,7 @@ def central_angle(body: Body) -> float:
 
 def solid(body: Body, epsilon: float, contact_time: float) -> HydroelasticBody:
     """The soft body with restitution `epsilon` and duration `contact_time` (s) in a central impact."""
-    assert body.mass is not None  # bodies without one are refused earlier
+    assert body.mass is not None  # bodies without a mass are rejected earlier
     d = dissipation(epsilon)
     shortest = min(body.shape.semi_axes) if isinstance(body.shape, Ellipse) else body.shape.extent
     trial = HydroelasticBody(TRIAL_MODULUS, 0.0, RESOLUTION * shortest)

@@ -4,32 +4,32 @@
     world ── PlanarJoint ── body (sphere at each corner, or ellipsoid) ── loose mass on two springs
 
 The plane is Drake's world x-y plane with gravity along −y.  The contact is Drake's: a spring between half-space and
-body with Hunt-Crossley dissipation d, and Coulomb friction of one coefficient, regularised below a slip of `STICTION`.
-The contact point of an ellipsoid that has sunk in is up to an eighth of the depth beside its lowest point.
-Restitution comes from the pad (`viscoelastic_pad`), whose dampers would force steps of 0.1 µs on a flight, which has a
-separate diagram; or there is no pad, and Drake's own dissipation is all (`hunt_crossley`), in point or in hydroelastic
-contact (`hydroelastic`).  Every cause is a property of the rig or the body:
+body with Hunt-Crossley dissipation d, and Coulomb friction with one coefficient, regularised below a slip of
+`STICTION`.  The contact point of a penetrating ellipsoid is off its lowest point by up to an eighth of the depth.
+Restitution comes either from the pad (`viscoelastic_pad`), whose dampers would force time steps of 0.1 µs on a flight
+(which therefore has a separate diagram), or, without a pad, from Drake's own dissipation (`hunt_crossley`), in point
+contact or in hydroelastic contact (`hydroelastic`).  Every cause is a property of the rig or the body:
 
 | cause                               | in the plant                                                             |
 |-------------------------------------|--------------------------------------------------------------------------|
-| tilt, camera_slope, gravity_error   | gravity vector, on the body; what carries the plate is weightless        |
-| com_offset, inertia_error           | where the shape sits on the frame of the centre of mass; inertia         |
+| tilt, camera_slope, gravity_error   | gravity vector on the body; the parts that carry the plate are weightless |
+| com_offset, inertia_error           | position of the shape in the frame of the centre of mass; inertia        |
 | size_error, corner_radius           | geometry of the body                                                     |
 | surface_height                      | height of the pad                                                        |
 | plate_velocity, plate_amplitude     | a carriage of `HEAVY` body masses that coasts, or swings on a spring     |
 | tangential_compliance               | a spring and a damper along the plate, on the pad                        |
-| hunt_crossley                       | d of Drake's contact, over the share of the squeeze that its spring takes |
+| hunt_crossley                       | d of Drake's contact, over its spring's share of the total deformation   |
 | linear_drag, spin_damping           | damping of the PlanarJoint                                               |
-| quadratic_drag, magnus              | generalised force that a symbolic system computes from the velocity      |
+| quadratic_drag, magnus              | generalised force, computed from the velocity by a symbolic system       |
 | loose_mass                          | a point mass on two sliding joints with springs and dampers in the body  |
 
 Sources: R. Tedrake and the Drake development team, Drake, https://drake.mit.edu (MultibodyPlant, "compliant contact");
 Hunt and Crossley 1975, doi 10.1115/1.3423596.
 """
 
-# Drake's stubs accept ndarray[float64] only, though lists and other arrays work, and lack the types of ports
+# Drake's type stubs accept only ndarray[float64], although lists and other arrays work, and lack the types of ports
 # pyright: reportArgumentType=false, reportCallIssue=false, reportAttributeAccessIssue=false, reportReturnType=false
-# mass is known: bodies without one are refused earlier
+# the mass is known: bodies without a mass are rejected earlier
 # pyright: reportOptionalOperand=false, reportOperatorIssue=false
 
 from dataclasses import dataclass
@@ -60,11 +60,11 @@ from thesis_lib.simulate.drake.hydroelastic import HydroelasticBody, solid_shape
 from thesis_lib.simulate.drake.viscoelastic_pad import Pad, design
 from thesis_lib.simulate.rig.hidden_causes import CompliantContact, HiddenCauses
 
-# m/s; slip below which friction is reduced: a tenth of the rig's resolution of a velocity
+# m/s; slip below which friction is reduced: a tenth of the rig's velocity resolution
 STICTION = 2e-3
-HEAVY = 1e6  # body masses: an impact then moves the carriage by a millionth of its Δv
-SKID_SHARE = 0.03  # of the body's mass; lighter ones need more time steps and change little
-Surface = Pad | Spring | HydroelasticBody  # what the body falls on
+HEAVY = 1e6  # mass of the carriage in body masses: an impact changes its velocity by a millionth of the body's Δv
+SKID_SHARE = 0.03  # of the body's mass; a lighter skid needs more time steps and changes little
+Surface = Pad | Spring | HydroelasticBody  # contact model of the plate
 _X, _Y = np.array([1.0, 0.0, 0.0]), np.array([0.0, 1.0, 0.0])
 
 
@@ -74,14 +74,14 @@ class DropPlant:
 
     diagram: Diagram
     plant: MultibodyPlant  # finalized
-    joint: PlanarJoint  # of the body, whose frame is at the true centre of mass
+    joint: PlanarJoint  # joint of the body; the body's frame is at the true centre of mass
     moving: ModelInstanceIndex  # body and loose mass; positions begin with the body's x, y, θ
     carriage: PrismaticJoint | None  # joint of a moving or vibrating plate
-    log: VectorLogSink | None  # of the plant's state at every step; None over a plate
+    log: VectorLogSink | None  # log of the plant's state at every step; None with a plate
 
 
 def pad_of(body: Body, contact: CompliantContact, m: HiddenCauses, epsilon: float) -> Pad:
-    """Pad of restitution `epsilon` under the true body; raises UserError if no pad loses so much energy."""
+    """Pad of restitution `epsilon` under the true body; UserError if no pad dissipates so much energy."""
     r_x = body.shape.contact_point(np.linspace(0.0, 2.0 * np.pi, 721))[:, 0]
     k2 = body.radius_of_gyration**2 * (1.0 + m.inertia_error)
     lever = ((1.0 + m.size_error) * np.abs(r_x).max()) ** 2 / k2
@@ -96,11 +96,11 @@ def drop_plant(
     surface: Surface | None = None,
     air: LeafSystem | None = None,
 ) -> DropPlant:
-    """Diagram of one body in flight, or over the plate.
+    """Diagram of one body in flight, or in contact with the plate.
 
     `body` and `gravity` (m/s²) are as believed; only the friction of `contact` is used.  Without a `surface` there
-    is a log of the flight instead of a plate.  `air` goes from the plant's state to a generalised force on it; None: as
-    in `m`.
+    is a log of the flight instead of a plate.  `air` is a system that computes a generalised force from the plant's
+    state; None: the drag and lift in `m`.
     """
     builder = DiagramBuilder()
     if surface is None:
@@ -113,7 +113,7 @@ def drop_plant(
 
     true = TrueBody(body, m, gravity)
     shell, inertia = true.shell, true.inertia
-    # only the moment about z acts in the plane; equal moments satisfy Drake's triangle inequality
+    # only the moment about z matters in the plane; equal moments satisfy Drake's triangle inequality
     solid = SpatialInertia(shell, np.zeros(3), UnitInertia(*[inertia / shell] * 3))
     frame = plant.AddRigidBody("body", moving, solid)
     drag = np.array([m.linear_drag * shell, m.linear_drag * shell, m.spin_damping * inertia])
@@ -155,13 +155,13 @@ def drop_plant(
 def _properties(
     surface: Surface, contact: CompliantContact, m: HiddenCauses
 ) -> tuple[ProximityProperties, ProximityProperties]:
-    """Properties of the body's shape, and of the plate's."""
+    """Contact properties of the body's shape and of the plate."""
     if isinstance(surface, HydroelasticBody):
         return surface.properties(contact, soft=True), surface.properties(contact, soft=False)
     if isinstance(surface, Spring):
         stiffness, dissipation = surface.stiffness, surface.dissipation
     else:
-        # Drake's d acts on the rate of its spring alone, which is only a share of the approach of body and plate
+        # Drake's d multiplies the rate of its own spring, which is only a share of the approach of body and plate
         stiffness, share = surface.k_contact, 1.0 / (surface.k_contact * surface.softness)
         dissipation = m.hunt_crossley / share
     # Drake puts the springs of both geometries in series, and keeps equal d and μ
@@ -170,7 +170,7 @@ def _properties(
 
 
 def point_contact(stiffness: float, dissipation: float, mu: float) -> ProximityProperties:
-    """Properties of a geometry in point contact: k in N/m, Hunt and Crossley's d in s/m, and friction."""
+    """Properties of a geometry in point contact: stiffness in N/m, Hunt and Crossley's d in s/m, and friction."""
     properties = ProximityProperties()
     AddContactMaterial(
         dissipation=dissipation, point_stiffness=stiffness, friction=CoulombFriction(mu, mu), properties=properties
@@ -223,10 +223,10 @@ def _add_carriage(
 def _add_layers(
     plant: MultibodyPlant, instance: ModelInstanceIndex, carrier: RigidBody, mass: float, pad: Pad, m: HiddenCauses
 ) -> RigidBody:
-    """The layers of a pad on its carrier; returns the top one."""
+    """Add the layers of a pad on its carrier; return the top layer."""
     plate, skid = carrier, (SKID_SHARE * mass if m.tangential_compliance else 0.0)
     for i, (k, c) in reversed(list(enumerate(pad.layers))):
-        # the skid rides on the top layer and is part of its mass
+        # the skid sits on the top layer; its mass is part of that layer's mass
         layer = plant.AddRigidBody(f"layer_{i}", instance, _ball(pad.mass - (0.0 if i else skid)))
         joint = PrismaticJoint(f"layer_{i}", plate.body_frame(), layer.body_frame(), _Y, damping=c)
         plant.AddForceElement(PrismaticSpring(plant.AddJoint(joint), 0.0, k))
@@ -242,7 +242,7 @@ def _add_skid(
     surface: Pad | Spring,
     m: HiddenCauses,
 ) -> RigidBody:
-    """A light plate on a spring and a damper along the surface."""
+    """Add a light plate that moves along the surface on a spring and a damper."""
     softness = surface.softness if isinstance(surface, Pad) else 1.0 / surface.stiffness
     top = plant.AddRigidBody("skid", instance, _ball(SKID_SHARE * body.mass))
     k = 1.0 / (softness * m.tangential_compliance)
@@ -254,11 +254,11 @@ def _add_skid(
 
 
 def _ball(mass: float) -> SpatialInertia:
-    return SpatialInertia(mass, np.zeros(3), UnitInertia(1.0, 1.0, 1.0))  # these bodies do not rotate
+    return SpatialInertia(mass, np.zeros(3), UnitInertia(1.0, 1.0, 1.0))  # arbitrary: these bodies do not rotate
 
 
 def _air(plant: MultibodyPlant, joint: PlanarJoint, mass: float, m: HiddenCauses) -> LeafSystem:
-    """Quadratic drag and Magnus force, from the plant's state."""
+    """System that computes quadratic drag and the Magnus force from the plant's state."""
     state = [SymbolicVariable(f"s{i}") for i in range(plant.num_multibody_states())]
     start = joint.velocity_start()
     first = plant.num_positions() + start
@@ -267,7 +267,7 @@ def _air(plant: MultibodyPlant, joint: PlanarJoint, mass: float, m: HiddenCauses
     force = np.array([Expression(0.0)] * plant.num_velocities())
     force[start] = mass * (-resistance * vx - m.magnus * omega * vy)
     force[start + 1] = mass * (-resistance * vy + m.magnus * omega * vx)
-    # Drake fails on the state rate of a system without state: give it a constant one
+    # Drake fails on the state derivative of a system without state: add a constant state
     idle = SymbolicVariable("idle")
     return SymbolicVectorSystem(state=[idle], input=state, dynamics=[Expression(0.0)], output=force)
 

@@ -1,12 +1,12 @@
 """Tosses of a body in space in Drake: a free body over a half-space, compliant point contact, in continuous time.
 
-The contact is Drake's: at each point of the body that can touch a plane (`Solid.minkowski`) a spring with the
-dissipation of Hunt and Crossley, so that restitution falls with the speed, and Coulomb friction that is regularised
-below a slip of `STICTION`.  The end of a cylinder is a flat ellipsoid, `FLAT` thick.  What makes a hit depend on its
-place, face, number or slip, and couples at the contact, are no properties of Drake's plant: they are not made here.
+The contact is Drake's: at each point of the body that can touch a plane (`Solid.minkowski`) a spring with Hunt and
+Crossley's dissipation, by which restitution falls with the speed, and Coulomb friction, regularised below a slip of
+`STICTION`.  The end of a cylinder is a flat ellipsoid (`FLAT`).  Drake's plant has no properties that depend on the
+place, face, number or slip of a hit, and no couples at the contact; such causes are not simulated here.
 """
 
-# Drake's stubs accept ndarray[float64] only, though lists and other arrays work, and lack the types of ports
+# Drake's type stubs accept only ndarray[float64], although lists and other arrays work, and lack the types of ports
 # pyright: reportArgumentType=false, reportCallIssue=false, reportAttributeAccessIssue=false, reportReturnType=false
 
 import numpy as np
@@ -30,8 +30,8 @@ from thesis_lib.simulate.tosses.causes import AIR, NOT_IN_DRAKE
 from thesis_lib.simulate.tosses.world import STRAIGHT, TossedWorld
 from thesis_lib.statistics.wording import listed
 
-FLAT = 1e-3  # of its radius, half the thickness of the end of a cylinder
-LONGEST = 2e-3  # s, of a step, which must not jump over a contact
+FLAT = 1e-3  # half the thickness of the end of a cylinder, over its radius
+LONGEST = 2e-3  # s, longest time step; a longer one could skip a contact
 STICTION = 1e-3  # m/s, slip below which friction is reduced
 ACCURACY = 1e-5  # relative, of the integration
 
@@ -41,7 +41,7 @@ class DrakeTosses:
 
     def moves(self, world: TossedWorld, release: State, times: np.ndarray) -> State:
         if world.has(NOT_IN_DRAKE):
-            raise UserError(f"Drake has no element for {listed(list(NOT_IN_DRAKE), 'or')}; take our own simulator.")
+            raise UserError(f"Drake has no element for {listed(list(NOT_IN_DRAKE), 'or')}; use our own simulator.")
         plant, simulator = self._plant(world)
         root = simulator.get_mutable_context()
         context = plant.GetMyMutableContextFromRoot(root)
@@ -49,7 +49,7 @@ class DrakeTosses:
         centre = on_body(release, to_centre, STRAIGHT)
         poses, motions = np.empty((7, *times.shape)), np.empty((6, *times.shape))
         for i in range(len(release)):
-            root.SetTime(0.0)  # Drake has the attitude first, and the spin
+            root.SetTime(0.0)  # in Drake, attitude comes before position and spin before velocity
             plant.SetPositions(context, np.roll(centre.pose[:, i], 4))
             plant.SetVelocities(context, np.roll(centre.motion[:, i], 3))
             simulator.Initialize()
@@ -69,7 +69,7 @@ class DrakeTosses:
         moments = UnitInertia(*rig.body.inertia_per_mass[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]])
         body = plant.AddRigidBody("body", SpatialInertia(world.mass, np.zeros(3), moments))
         touch = spring(world.epsilon, world.contact_time, world.mass)
-        # for both geometries: Drake puts their springs in series and keeps equal d and μ
+        # used for both geometries: Drake puts their springs in series and keeps equal d and μ
         made_of = point_contact(2.0 * touch.stiffness, touch.dissipation, world.mu)
         place = RigidTransform([0.0, 0.0, world.height])
         plant.RegisterCollisionGeometry(plant.world_body(), place, HalfSpace(), "table", made_of)
@@ -94,7 +94,7 @@ class DrakeTosses:
 
 
 class _Air(LeafSystem):
-    """Couple and force by the air on a free body whose state is its quaternion, position, spin and velocity."""
+    """Couple and force of the air on a free body, whose state is quaternion, position, spin and velocity."""
 
     def __init__(self, world: TossedWorld) -> None:
         super().__init__()

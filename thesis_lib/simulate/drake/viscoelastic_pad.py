@@ -1,14 +1,14 @@
-"""A pad under the contact with the same restitution at any speed and any lever.
+"""A pad under the contact that gives the same restitution at any speed and any lever.
 
 Drake's point contact is a spring with Hunt-Crossley dissipation, f = k δ (1 + d δ̇)₊, whose restitution falls with the
-speed of the impact.  Here that spring is elastic (d = 0) and presses on a pad of two thin layers, each on a spring and
+speed of the impact.  Here this spring is elastic (d = 0) and presses on a pad of two thin layers, each on a spring and
 a damper (a Kelvin chain):
 
     M ü_0 = −f_0,   p ü_i = f_{i−1} − f_i,   f_i = k_i (u_i − u_{i+1}) + c_i (u̇_i − u̇_{i+1}),   c_0 = 0,   u_3 = 0
 
-until the contact's force f_0 is 0.  The system is linear, so ε = −u̇_0(end) / u̇_0(0) does not depend on the speed.
-With one layer it would depend on the effective mass of the contact, 1/M = 1/m + r_x²/(m k²), as a layer loses most at
-one frequency.  With two, least squares gives c_i and k_i for which ε is the same for all M of the body.
+until the contact force f_0 is 0.  The system is linear, hence ε = −u̇_0(end) / u̇_0(0) does not depend on the speed.
+With one layer ε would depend on the effective mass of the contact, 1/M = 1/m + r_x²/(m k²), since a layer dissipates
+most at one frequency.  With two layers, least squares gives c_i and k_i for which ε is nearly the same for all M.
 
 Sources: Lakes 2009, Viscoelastic Materials, doi 10.1017/CBO9780511626722 (chains of Kelvin elements).
 """
@@ -21,23 +21,23 @@ from scipy.optimize import brentq, least_squares
 
 from thesis_lib.foundation.errors import UserError
 
-LAYER_SHARE = 0.15  # p/m: a lighter layer changes only the time steps that the dampers need
+LAYER_SHARE = 0.15  # p/m; a lighter layer would only make the dampers need smaller time steps
 # smallest effective mass over m of a square; used for every body, since it keeps the dampers small
 SPREAD = 0.4
-ELASTIC = 0.998  # no pad from here on: its springs would be a thousand times stiffer than the contact
-SOFTEST = 0.25  # lower ε would need a pad that is mostly damper
+ELASTIC = 0.998  # no pad from this ε on: its springs would be a thousand times stiffer than the contact
+SOFTEST = 0.25  # lowest ε; lower values would need a pad dominated by its dampers
 MASSES = 5  # effective masses at which ε is fitted
-HOLD = 1e-3  # weight of the start in the least squares, which has more unknowns than ε alone would fix
-_TIMES = 400  # at which the end of a contact is bracketed before it is solved for
+HOLD = 1e-3  # weight of the starting values in the least squares, since ε alone does not determine all unknowns
+_TIMES = 400  # number of times at which the end of a contact is bracketed before it is solved for
 
 
 @dataclass(frozen=True)
 class Pad:
-    """Springs, dampers and masses from the contact down."""
+    """Springs, dampers and masses of a pad, from the contact down."""
 
     k_contact: float  # k_0, N/m
-    layers: tuple[tuple[float, float], ...]  # (k_i, c_i) in N/m, N s/m; none: an elastic contact
-    mass: float  # p of a layer, kg
+    layers: tuple[tuple[float, float], ...]  # (k_i, c_i) in N/m, N s/m; empty: an elastic contact
+    mass: float  # mass p of a layer, kg
 
     @property
     def softness(self) -> float:
@@ -74,10 +74,10 @@ def rebound(mass: float, layers: Sequence[tuple[float, float]]) -> tuple[float, 
 def design(epsilon: float, contact_time: float, mass: float, lightest: float) -> Pad:
     """Pad with restitution `epsilon` (1) for impacts of a body, in which a central impact lasts `contact_time` (s).
 
-    `mass` is that of the body in kg, `lightest` its smallest effective mass over `mass`.
+    `mass` is the mass of the body in kg, `lightest` its smallest effective mass over `mass`.
 
     Raises:
-        UserError: no pad has so low a restitution.
+        UserError: the restitution is too low for a pad.
     """
     if epsilon < SOFTEST:
         raise UserError(f"Drake's contact needs epsilon from {SOFTEST} to 1; got {epsilon}.")

@@ -1,1 +1,1 @@
-"""Arm and wheel in MuJoCo and in Drake, with the engines' own contact, recorded as rigs record them."""
+"""Arm and wheel in MuJoCo and in Drake, with the engines' own contact, recorded by simulated sensors of a rig."""

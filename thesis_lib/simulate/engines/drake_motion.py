@@ -1,17 +1,17 @@
 """Arm and wheel in Drake, with Drake's own compliant point contact and regularised friction.
 
-Contact is Drake's: a spring with the dissipation of Hunt and Crossley, and Coulomb friction that is reduced below a
-slip of `stiction` (TAMSI).  Causes that Drake's plant has itself (damping of the joints, gravity, a payload) are set
-there; the others are generalised forces, updated every `control` seconds from Drake's state and contact forces:
+Contact is Drake's: a spring with Hunt and Crossley's dissipation, and Coulomb friction that is reduced below a slip of
+`STICTION` (TAMSI).  Causes that Drake's plant can represent (damping of the joints, gravity, a payload) are set in the
+plant; the others are generalised forces, updated every `CONTROL` seconds from Drake's state and contact forces:
 
     Coulomb friction   -f_i tanh(q̇_i / q̇_s)        cogging   A sin(n q_1)
-    rolling resistance -c_rr ρ N tanh(ω / ω_s)      N the normal force of the ground, as Drake reports it
+    rolling resistance -c_rr ρ N tanh(ω / ω_s)      N: normal force of the ground, as reported by Drake
 
 Source: R. Tedrake and the Drake development team, Drake, https://drake.mit.edu (MultibodyPlant, "compliant contact");
 A. Castro et al., IEEE Robot. Autom. Lett. 5 (2020), doi 10.1109/LRA.2020.2964631 (TAMSI).
 """
 
-# Drake's stubs accept ndarray[float64] only, though lists and other arrays work, and lack the types of ports
+# Drake's type stubs accept only ndarray[float64], although lists and other arrays work, and lack the types of ports
 # pyright: reportArgumentType=false, reportCallIssue=false, reportAttributeAccessIssue=false, reportReturnType=false
 
 from collections.abc import Sequence
@@ -57,7 +57,7 @@ _UP = np.array([0.0, 1.0, 0.0])
 def drake_motions(
     kind: MechanismKind, truth: str, plans: Sequence[SimulatedMotion], sizes: HiddenSizes, stiffness: float
 ) -> list[EngineMotion]:
-    """The planned trials (start and torques) of a mechanism with the hidden cause `truth`, in Drake."""
+    """Simulate the planned trials (start and torques) of a mechanism with the hidden cause `truth` in Drake."""
     builder = DiagramBuilder()
     plant, scene_graph = AddMultibodyPlantSceneGraph(builder, time_step=STEP)
     plant.set_contact_model(ContactModel.kPoint)
@@ -77,7 +77,7 @@ def drake_motions(
 
 
 def _run(simulator, plant: MultibodyPlant, ground, force, plan: SimulatedMotion) -> EngineMotion:
-    """One trial; `force` gives a generalised force (nv,) from q, v and the ground's normal force."""
+    """Simulate one trial; `force` returns a generalised force (nv,) from q, v and the ground's normal force."""
     context = simulator.get_mutable_context()
     context.SetTime(0.0)
     own = plant.GetMyMutableContextFromRoot(context)
@@ -107,7 +107,7 @@ def _normal(results, ground) -> float:
 
 
 def _force(kind: MechanismKind, truth: str, sizes: HiddenSizes):
-    """Force of a cause that Drake's plant lacks, or None."""
+    """Force of a cause that Drake's plant cannot represent, or None."""
     known = {
         "coulomb_joint_friction": coulomb_joint_friction(sizes.coulomb, sizes.coulomb_speed),
         "cogging": cogging(sizes.cogging, sizes.cogging_periods),
@@ -122,19 +122,19 @@ def _force(kind: MechanismKind, truth: str, sizes: HiddenSizes):
 
 
 def _properties(mu: float, stiffness: float) -> ProximityProperties:
-    # for both geometries: Drake puts their springs in series
+    # used for both geometries: Drake puts their springs in series
     return point_contact(2.0 * stiffness, DISSIPATION, mu)
 
 
 def _add_ground(plant: MultibodyPlant, properties: ProximityProperties) -> None:
-    # a body of its own, so that its contacts are told from those of the arm
+    # a separate body, to distinguish its contacts from those of the arm
     ground = plant.AddRigidBody("ground", SpatialInertia.SolidSphereWithMass(1.0, 1.0))
     plant.WeldFrames(plant.world_frame(), ground.body_frame())
     plant.RegisterCollisionGeometry(ground, HalfSpace.MakePose(_UP, np.zeros(3)), HalfSpace(), "ground", properties)
 
 
 def _add_arm(plant: MultibodyPlant, scene_graph, truth: str, sizes: HiddenSizes, stiffness: float) -> None:
-    """Arm, disk and ground."""
+    """Add arm, disk and ground."""
     a, properties = DEFAULT.arm, _properties(DEFAULT.arm.mu, stiffness)
     true = loaded_arm(DEFAULT, sizes.payload) if truth == "payload" else DEFAULT
     chapter2.arm_disk(true).add_bodies(plant)
@@ -147,14 +147,14 @@ def _add_arm(plant: MultibodyPlant, scene_graph, truth: str, sizes: HiddenSizes,
     plant.RegisterCollisionGeometry(link, place, Box(length, depth, 0.2), "link", properties)
     plant.RegisterCollisionGeometry(disk, RigidTransform(), Sphere(a.disk_radius), "disk", properties)
     _add_ground(plant, properties)
-    # the believed model has no contact of arm and ground
+    # the believed model has no contact between arm and ground
     both = (link, plant.GetBodyByName("ground"))
     apart = GeometrySet([geometry for body in both for geometry in plant.GetCollisionGeometriesForBody(body)])
     scene_graph.collision_filter_manager().Apply(CollisionFilterDeclaration().ExcludeWithin(apart))
 
 
 def _add_wheel(plant: MultibodyPlant, truth: str, sizes: HiddenSizes, stiffness: float) -> None:
-    """Wheel and ground in the axes of the slope."""
+    """Add wheel and ground, in the axes of the slope."""
     w, made, properties = DEFAULT.wheel, chapter2.wheel(), _properties(DEFAULT.wheel.mu, stiffness)
     load = sizes.wheel_payload if truth == "payload" else 0.0
     mass, radius = w.mass + load, sizes.payload_radius

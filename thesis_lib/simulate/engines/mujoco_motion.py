@@ -1,16 +1,16 @@
-"""Arm and wheel in MuJoCo, whose soft contact nobody here wrote.
+"""Arm and wheel in MuJoCo, with MuJoCo's own soft contact.
 
-Contact is MuJoCo's: a spring and a damper in units of acceleration (`solref` with negative numbers), an elliptic
-friction cone, and friction that creeps.  Every cause but cogging is a property of MuJoCo's model:
+The contact is a spring and a damper in units of acceleration (`solref` with negative numbers), with an elliptic
+friction cone and friction that creeps.  Every cause except cogging is a property of MuJoCo's model:
 
 | cause                    | in the model                                                      |
 |--------------------------|-------------------------------------------------------------------|
 | viscous_joint_friction   | `damping` of the hinges                                           |
 | coulomb_joint_friction   | `frictionloss` of the hinges, a constraint                        |
-| gravity_direction        | the vector of gravity                                             |
-| payload                  | a further body with mass and no size                              |
+| gravity_direction        | the gravity vector                                                |
+| payload                  | an additional body with mass and no size                          |
 | rolling_resistance       | rolling friction of the contact with the ground, c_rr ρ in m      |
-| cogging                  | `qfrc_applied`, every `control` seconds                           |
+| cogging                  | `qfrc_applied`, updated every `CONTROL` seconds                   |
 
 Source: E. Todorov, T. Erez, Y. Tassa, MuJoCo, IROS 2012, doi 10.1109/IROS.2012.6386109;
 https://mujoco.readthedocs.io (contact parameters).
@@ -30,16 +30,16 @@ from thesis_lib.simulate.mechanisms.hidden_forces import HiddenSizes, MechanismK
 from thesis_lib.simulate.mechanisms.motions import DEFAULT
 from thesis_lib.simulate.stepping.stepping import SimulatedMotion
 
-IMPEDANCE = 0.95  # d of MuJoCo's contact: the share of the constraint that is kept, without change over depth
+IMPEDANCE = 0.95  # impedance d of MuJoCo's contact: share of the constraint that is enforced, the same at any depth
 
-# s, time constant of dry friction in a hinge; with MuJoCo's 20 ms it acts against acceleration around a reversal
+# s, time constant of dry friction in a hinge; with MuJoCo's default of 20 ms it resists acceleration near a reversal
 STIFF_FRICTION = 1e-3
 
 
 def mujoco_motions(
     kind: MechanismKind, truth: str, plans: Sequence[SimulatedMotion], sizes: HiddenSizes, stiffness: float
 ) -> list[EngineMotion]:
-    """The planned trials (start and torques) of a mechanism with the hidden cause `truth`, in MuJoCo."""
+    """Simulate the planned trials (start and torques) of a mechanism with the hidden cause `truth` in MuJoCo."""
     make = arm_xml if kind == "arm" else wheel_xml
     model = mujoco.MjModel.from_xml_string(make(truth, sizes, stiffness))
     cogging = (sizes.cogging, sizes.cogging_periods) if truth == "cogging" else (0.0, 1)
@@ -79,7 +79,7 @@ def _pair(a: str, b: str, mu: float, rolling: float, stiffness: float) -> str:
 
 
 def _inertial(mass: float, com: float, inertia: float) -> str:
-    # only the moment about z acts in the plane
+    # only the moment about z matters in the plane
     return f'<inertial pos="{com} 0 0" mass="{mass}" diaginertia="{inertia} {inertia} {inertia}"/>'
 
 
@@ -95,7 +95,7 @@ def _gravity(truth: str, slope: float, sizes: HiddenSizes) -> tuple[float, float
 
 
 def arm_xml(truth: str, sizes: HiddenSizes, stiffness: float) -> str:
-    """The arm, its disk and the ground y = 0 as a model of MuJoCo."""
+    """MuJoCo model (XML) of the arm, its disk and the ground y = 0."""
     a = DEFAULT.arm
     (l1, l2), R = a.link_lengths, a.disk_radius
     viscous = sizes.viscous if truth == "viscous_joint_friction" else (0.0, 0.0)
@@ -127,7 +127,7 @@ def arm_xml(truth: str, sizes: HiddenSizes, stiffness: float) -> str:
 
 
 def wheel_xml(truth: str, sizes: HiddenSizes, stiffness: float) -> str:
-    """The rimless wheel as a model of MuJoCo, in the axes of its slope."""
+    """MuJoCo model (XML) of the rimless wheel, in the axes of its slope."""
     w, made = DEFAULT.wheel, chapter2.wheel()
     rolling = sizes.rolling * w.length if truth == "rolling_resistance" else 0.0
     tips = made.contact_points(np.zeros(1))[0] * (1.0 - TIP_RADIUS / w.length)

@@ -1,8 +1,8 @@
-"""A simulated recording of an arm or a wheel with one hidden cause, stepped in time or in a physics engine.
+"""A simulated recording of an arm or a wheel with one hidden cause, by our time stepping or by a physics engine.
 
 The trials are planned with the believed mechanism and run with the hidden cause (`hidden_forces`).  Our own time
-stepping has states with white noise, for trying the critique; an engine has its own contact, and sensors as rigs have
-them.
+stepping adds white noise to the states, for trying the critique; an engine has its own contact, and its states are
+recorded by realistic sensors.
 """
 
 from collections.abc import Iterator, Sequence
@@ -23,13 +23,13 @@ from thesis_lib.simulate.mechanisms.motions import DEFAULT
 from thesis_lib.simulate.rig.hidden_causes import NO_SIZE, of_size
 from thesis_lib.simulate.stepping.stepping import SimulatedMotion
 
-# m, rad, m/s, rad/s; a motion tracker at about 60 dB, as good as the encoders of a laboratory
+# m, rad, m/s, rad/s; a motion tracker at about 60 dB, as accurate as the encoders of a laboratory
 NOISE = StateNoise(position=3e-4, angle=5e-4, velocity=1e-3, angular_velocity=2e-3)
 STEPPED = "example: simulated {kind} that may not be what recording.yaml says"
 IN_ENGINE = "{kind} in {engine}, with its own contact, that may not be what recording.yaml says"
 TRIALS = 16
 MIN_TRIALS = 4
-SIZE_OF: dict[tuple[MechanismKind, str], str] = {  # the key of `HiddenSizes` that a size sets
+SIZE_OF: dict[tuple[MechanismKind, str], str] = {  # key of `HiddenSizes` that a given size sets
     ("arm", "viscous_joint_friction"): "viscous",
     ("arm", "coulomb_joint_friction"): "coulomb",
     ("arm", "cogging"): "cogging",
@@ -38,7 +38,7 @@ SIZE_OF: dict[tuple[MechanismKind, str], str] = {  # the key of `HiddenSizes` th
     **{(kind, "gravity_direction"): "tilt" for kind in TRUTHS},
     **{(kind, "rolling_resistance"): "rolling" for kind in TRUTHS},
 }
-# t (n,), q and v (n, nv) and torques (n, joints) of a trial as they are written
+# t (n,), q and v (n, nv) and torques (n, joints) of a trial, as written to the recording
 Written = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
 
 
@@ -55,15 +55,15 @@ def simulate_recording(
 ) -> Recording:
     """Simulate a recording of a mechanism of chapter 2 with the cause `hidden`, one of `TRUTHS[kind]`.
 
-    Trials that cannot be solved, or in which the arm of an engine flies off or goes through the ground, are left out.
+    Trials that cannot be solved, or in which an engine's arm flies off or penetrates the ground, are left out.
 
     Args:
         engine: "own" is time stepping, which does not use `sensors`.
-        size: of the cause, in its unit, the same at both joints; default: that of `HiddenSizes`.
-        seed: equal seeds give equal data, of an engine on one machine.
+        size: size of the cause, in its unit, the same at both joints; default: the size in `HiddenSizes`.
+        seed: equal seeds give equal data (with an engine, on the same machine).
 
     Raises:
-        UserError: the cause or the engine is unknown, its size is out of range, or too few trials are asked for or
+        UserError: the cause or the engine is unknown, its size is out of range, or too few trials are requested or
             remain.
     """
     if trials < MIN_TRIALS or seed < 0:
@@ -99,7 +99,7 @@ def _with_noise(
     for record in records:
         q = record.q + sigma_q * rng.standard_normal(record.q.shape)
         v = record.v + sigma_v * rng.standard_normal(record.v.shape)
-        # a step's torque is in the row of the state before it; the last state has none
+        # the torque of a step is in the row of the state before it; the last row has no torque
         yield record.t, q, v, np.vstack([record.f_ext[:, :joints], np.zeros((1, joints))])
 
 
@@ -118,7 +118,7 @@ def _runner(engine: str):
 def _usable(
     kind: MechanismKind, plans: Sequence[SimulatedMotion], motions: list[EngineMotion]
 ) -> list[tuple[SimulatedMotion, EngineMotion]]:
-    """Trials in which the arm neither flies off nor goes through the ground; UserError for too few."""
+    """Trials in which the arm neither flies off nor penetrates the ground; UserError if too few remain."""
     arm, usable = chapter2.arm_disk(), []
     for plan, motion in zip(plans, motions):
         if not np.isfinite(motion.q).all() or np.abs(motion.v).max() > DEFAULT.arm.max_speed:
@@ -149,7 +149,7 @@ def _header(kind: MechanismKind, description: str, noise: StateNoise, sampling: 
 
 
 def hidden_sizes(kind: MechanismKind, hidden: str, size: float | None) -> HiddenSizes:
-    """Default sizes, with `size` for the cause; UserError if it is not possible."""
+    """Default sizes, with `size` for the hidden cause; UserError if the size is not possible."""
     if size is None:
         return HiddenSizes()
     key = SIZE_OF.get((kind, hidden))
@@ -167,6 +167,6 @@ def hidden_text() -> str:
             key = SIZE_OF.get((kind, truth))
             field = HiddenSizes.model_fields[key] if key else None
             size = "" if field is None else f"{field.default}".strip("()").replace(", ", "; ")
-            meaning = "a mechanism that is what recording.yaml says" if field is None else field.description
+            meaning = "a mechanism that agrees with recording.yaml" if field is None else field.description
             lines.append(f"  {truth:<22}  {size:<10} {meaning}")
     return "\n".join(lines)

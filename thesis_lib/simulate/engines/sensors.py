@@ -1,14 +1,14 @@
-"""Recording of a motion by a rig: counts, a camera, delays, and torques with ripple.
+"""Recording of a motion by the sensors of a rig: encoder counts, a camera, delays, and torques with ripple.
 
-| column             | what it holds                                                                              |
+| column             | content                                                                                    |
 |--------------------|--------------------------------------------------------------------------------------------|
-| q of a joint       | whole counts of an encoder, read `delay` late                                              |
-| pose of disk, hub  | a camera's, with noise, late by another delay                                              |
-| velocities         | differences of these positions over a step, low-pass filtered; or of sensors of their own  |
+| q of a joint       | whole counts of an encoder, delayed by `delay`                                             |
+| pose of disk, hub  | measured by a camera, with noise and another delay                                         |
+| velocities         | differences of these positions over a step, low-pass filtered; or from velocity sensors    |
 | torques            | τ (1 + ρ(q)) + o; ρ(q) is a sum of harmonics of the joint's angle, o an offset             |
 
-Delays, ripple and offsets are drawn once a recording, within what its `sampling` states.  The instant of a sample
-errs by `jitter`.
+Delays, ripple and offsets are drawn once per recording, within the limits stated in its `sampling`.  The instants of
+samples have a random error, `jitter`.
 """
 
 from dataclasses import dataclass
@@ -24,29 +24,29 @@ from thesis_lib.simulate.rig.release import Spread
 
 
 class Sensors(Section):
-    """Sensors of a laboratory; own choices."""
+    """Sensors of a laboratory; the numbers are our own choices."""
 
-    counts: int = Field(4096, ge=1, description="of a joint's encoder, a turn")
+    counts: int = Field(4096, ge=1, description="counts per turn of a joint's encoder")
     camera_position: float = Field(3e-4, gt=0, description="m, one sigma")
     camera_angle: float = Field(5e-4, gt=0, description="rad, one sigma")
-    delay: Spread = Field(Spread(low=1e-3, high=5e-3), description="s, of encoders and of camera, drawn for each")
-    jitter: float = Field(5e-5, ge=0, description="s, one sigma; each device for itself")
-    velocity_filter: float = Field(5e-3, gt=0, description="s, time constant of the velocities' low pass")
+    delay: Spread = Field(Spread(low=1e-3, high=5e-3), description="s, drawn for the encoders and for the camera")
+    jitter: float = Field(5e-5, ge=0, description="s, one sigma, independent for each device")
+    velocity_filter: float = Field(5e-3, gt=0, description="s, time constant of the low-pass filter of the velocities")
     velocity: float | None = Field(
-        None, gt=0, description="m/s and rad/s, noise of sensors of the velocities; null: none, they are differences"
+        None, gt=0, description="m/s and rad/s, noise of velocity sensors; null: none, velocities are differences"
     )
     ripple: Spread = Field(
         Spread(low=0.005, high=0.015),
         description="share of the torque, root mean square over a turn, drawn; three harmonics of 1.5 % peak at 3.7 %",
     )
     harmonics: int = Field(3, ge=1, description="number of harmonics of a joint's ripple")
-    highest: int = Field(24, ge=1, description="a turn; harmonics are drawn from 1 to this one")
+    highest: int = Field(24, ge=1, description="per turn; the harmonics are drawn from 1 to this number")
     offset: float = Field(0.03, ge=0, description="N m, one sigma")
 
     def noise(self, h: float) -> StateNoise:
-        """The noise that recording.yaml states, samples every h seconds."""
+        """The noise that recording.yaml states for samples every h seconds."""
         joint = 2.0 * np.pi / self.counts / np.sqrt(12.0)
-        # of differences before the low pass; nothing may use them, as they are derived
+        # noise of the differences before the low-pass filter; not to be used, as these velocities are derived
         straight, turning = (np.sqrt(2.0) / h * x for x in (self.camera_position, max(self.camera_angle, joint)))
         return StateNoise(
             position=self.camera_position,
@@ -68,11 +68,11 @@ class Sensors(Section):
 
 @dataclass(frozen=True)
 class DrawnSensors:
-    """Sensors with what is fixed during a recording.
+    """Sensors with the random properties that stay fixed during a recording.
 
     Attributes:
         delays: s, of joints and camera.
-        harmonics: (joints, n) a turn; ripple: (joints, 2 n) their cosine and sine amplitudes.
+        harmonics: (joints, n) per turn; ripple: (joints, 2 n) their cosine and sine amplitudes.
         offset: (joints,) N m.
     """
 
@@ -95,9 +95,9 @@ class DrawnSensors:
     def record(
         self, motion: EngineMotion, torques: np.ndarray, h: float, rng: np.random.Generator
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        """t (n,), q and v (n, nv) and torques (n, joints) as written every h seconds; `torques` (m, joints) acted.
+        """Recorded t (n,), q and v (n, nv) and torques (n, joints) every h seconds; `torques` (m, joints): true ones.
 
-        The first rows, for which the latest device has nothing yet, are left out.
+        The first rows, before the device with the longest delay has data, are left out.
         """
         s, j = self.sensors, len(self.offset)
         first = int(np.ceil(max(self.delays) / h + 1e-9))
@@ -114,7 +114,7 @@ class DrawnSensors:
             *(s.camera_position, s.camera_position, s.camera_angle),
         ]
         q[:, :j] = count * np.floor(joints[:, :j] / count)
-        # an encoder's zero is set in the middle of a count
+        # the zero of an encoder is in the middle of a count
         q[:, :j] += 0.5 * count
         if s.velocity:
             of_joints, of_camera = (states(instant, 1) for instant in instants)

@@ -1,1 +1,1 @@
-"""Chapter 2's motions: bodies, releases, torques, noise, hidden forces."""
+"""Simulated motions of chapter 2: bodies, releases, torques, noise and hidden forces."""

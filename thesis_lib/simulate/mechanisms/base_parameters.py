@@ -5,8 +5,8 @@ factorisation with column pivoting
 
     Y P = Q [R_1 R_2; 0 0],        Θ = π_b + R_1⁻¹ R_2 π_d,        Y π = Y_b Θ
 
-separates the r = rank Y independent columns b from the dependent ones d.  Each base parameter in Θ is one independent
-parameter plus multiples of dependent ones.  null(Y) holds the changes of π that no force reveals.
+separates the r = rank Y independent columns b from the dependent columns d.  Each base parameter in Θ is an independent
+parameter plus multiples of dependent parameters.  null(Y) contains the changes of π that affect no force.
 
 Sources: M. Gautier, J. Robotic Systems 8 (1991), doi 10.1002/rob.4620080405; W. Khalil, F. Bennis, Int. J. Robotics
 Research 14 (1995), doi 10.1177/027836499501400105.
@@ -20,22 +20,22 @@ from scipy.linalg import qr, solve_triangular
 
 from thesis_lib.foundation.errors import UserError
 
-# relative to the largest diagonal element of R: rounding leaves 1e-15, a combination too weakly excited to be of use
-# 1e-6
+# relative to the largest diagonal element of R: rounding errors are at 1e-15, combinations too weakly excited to be
+# useful at 1e-6
 RANK_TOLERANCE = 1e-9
-COEFFICIENT_TOLERANCE = 1e-7  # below it a coefficient of a combination is rounding
+COEFFICIENT_TOLERANCE = 1e-7  # smaller coefficients of a combination are rounding errors
 # norm of a column, relative to the largest one, below which a parameter has no effect
 NEGLIGIBLE_COLUMN = 1e-12
 
 
 @dataclass(frozen=True)
 class BaseParameters:
-    """Base parameter set of a window."""
+    """Base parameter set of a window of the motion."""
 
     names: tuple[str, ...]  # (n,) names of all parameters
     columns: np.ndarray  # (r,) indices of the independent columns, ascending
     combination: np.ndarray  # (r, n) [1 R_1⁻¹R_2]: Θ = combination π
-    # (n, n − r) changes of the parameters without effect, one per column, largest entry 1
+    # (n, n − r) changes of the parameters that have no effect, one per column, largest entry 1
     null_space: np.ndarray
 
     @property
@@ -58,11 +58,11 @@ class BaseParameters:
 
 
 def base_parameters(Y: np.ndarray, names: Sequence[str]) -> BaseParameters:
-    """Base set of a regressor Y (m, nv, n), in parameters `names`, stacked over a window of m steps.
+    """Base parameter set of a regressor Y (m, nv, n) of parameters `names`, stacked over a window of m steps.
 
     Raises:
         UserError: Y is zero (nothing moves) or not finite.
-        ValueError: the names do not fit.
+        ValueError: the number of names differs from n.
     """
     A = np.asarray(Y, dtype=float).reshape(-1, np.shape(Y)[-1])
     n = A.shape[1]
@@ -70,16 +70,16 @@ def base_parameters(Y: np.ndarray, names: Sequence[str]) -> BaseParameters:
         raise ValueError(f"{n} columns need as many names, got {len(names)}")
     if not np.isfinite(A).all():
         raise UserError(
-            "the regressor is not finite: the window's data hold NaN or infinite values; repair or cut them"
+            "the regressor is not finite: the window's data contain NaN or infinite values; repair or remove them"
         )
     norms = np.linalg.norm(A, axis=0)
     if not norms.max(initial=0.0) > 0.0:
         raise UserError(
-            "no inertial parameter has any effect in this window (no acceleration against gravity, no excitation): "
+            "no inertial parameter has an effect in this window (no acceleration relative to gravity, no excitation): "
             "choose a window with contact or with external forces"
         )
     acts = norms > NEGLIGIBLE_COLUMN * norms.max()
-    # a column of rounding errors must not be blown up to unit norm
+    # a column of rounding errors must not be scaled up to unit norm
     scale = np.where(acts, norms, 1.0)
     A = np.where(acts, A / scale, 0.0)
     R, pivots = qr(A, mode="economic", pivoting=True)[1:]  # pyright: ignore[reportAssignmentType]

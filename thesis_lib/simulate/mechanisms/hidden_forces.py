@@ -1,21 +1,21 @@
-"""Hidden forces: they act on a mechanism but are missing from its believed model (our addition to thesis chapter 2).
+"""Hidden forces that act on a mechanism but are missing from its believed model (our addition to thesis chapter 2).
 
 Each is a generalised force Q(q, v) on the right-hand side of M v̇ + C v = g + f_ext + Q + J'c:
 
     viscous joint friction    Q_i = -b_i q̇_i
     Coulomb joint friction    Q_i = -f_i tanh(q̇_i / q̇_s)
-    gravity direction         Q = Σ_b m_b J_b' g ((sin α, -cos α) - (0, -1))      J_b of the centre of mass of body b
-    rolling resistance        Q_θ = -c_rr ρ N tanh(ω / ω_s)        ρ radius of the disk, length of a spoke
-    cogging                   Q_1 = A sin(n q_1)                   no candidate effect: the critique must report this
-    payload                   a point mass m_p at the tip of link 2, or at a spoke of the wheel, r from the hub
+    gravity direction         Q = Σ_b m_b J_b' g ((sin α, -cos α) - (0, -1))      J_b: of the centre of mass of body b
+    rolling resistance        Q_θ = -c_rr ρ N tanh(ω / ω_s)        ρ: radius of the disk, or length of a spoke
+    cogging                   Q_1 = A sin(n q_1)                   not a candidate: the critique must report a misfit
+    payload                   a point mass m_p at the tip of link 2, or on a spoke of the wheel, r from the hub
 
-tanh over q̇_s and ω_s smooths the sign of a speed, because an explicit step cannot hold a sign function at rest.  N is
-the normal force of the same step, found by `N_SOLVES` fixed-point iterations: the step is solved, and its N gives the
-moment of the next solve.  c_rr is small, so each solve gains about two digits.  A payload is not a force but changes
-the mechanism: a heavier link, or a wheel whose centre of mass is off the hub.
+tanh over q̇_s and ω_s smooths the sign of a speed, because an explicit step cannot hold a body at rest with a sign
+function.  N is the normal force of the same step, found by `N_SOLVES` fixed-point iterations: the step is solved, and
+its N gives the moment in the next solve.  c_rr is small; each solve therefore gains about two digits.  A payload is not
+a force but changes the mechanism: to a heavier link, or to a wheel whose centre of mass is off the hub.
 
-Starts and torques are drawn for the believed mechanism and applied to the true one, as on a rig whose experiments were
-planned with the believed model.
+Starts and torques are drawn for the believed mechanism and applied to the true mechanism, as on a real rig whose
+experiments were planned with the believed model.
 
 Sources: H. Olsson et al., Eur. J. Control 4 (1998), doi 10.1016/S0947-3580(98)70113-X (friction); K. L. Johnson,
 Contact Mechanics, 1985, doi 10.1017/CBO9781139171731, section 9 (rolling resistance).
@@ -43,25 +43,25 @@ TRUTHS: dict[MechanismKind, tuple[str, ...]] = {
     ),
     "wheel": ("nothing", "gravity_direction", "payload", "rolling_resistance"),
 }
-N_SOLVES = 2  # of a step, for its normal force and moment to agree
+N_SOLVES = 2  # solutions of a step, after which its normal force and moment agree
 
 
 class HiddenSizes(Section):
-    """Sizes of what is hidden: a few per cent of the torques and weights that act; all own choices."""
+    """Sizes of the hidden causes: a few per cent of the acting torques and weights; all are our own choices."""
 
     viscous: tuple[float, float] = Field((0.1, 0.06), description="N m s, b; at 2 rad/s a twentieth of the torques")
-    coulomb: tuple[float, float] = Field((0.15, 0.1), description="N m, f; a geared motor's few per cent")
+    coulomb: tuple[float, float] = Field((0.15, 0.1), description="N m, f; a few per cent, as in a geared motor")
     coulomb_speed: float = Field(
-        0.02, gt=0, description="rad/s, q̇_s; a hundredth of the speeds, and h f/(M q̇_s) < 1 keeps steps stable"
+        0.02, gt=0, description="rad/s, q̇_s; a hundredth of the speeds; h f/(M q̇_s) < 1 keeps time steps stable"
     )
-    tilt: float = Field(0.02, description="rad, α; a rig levelled by eye")
+    tilt: float = Field(0.02, description="rad, α; as for a rig levelled by eye")
     rolling: float = Field(0.02, ge=0, description="1, c_rr; rubber on a hard floor has 0.01 to 0.04")
     rolling_speed: float = Field(0.03, gt=0, description="rad/s, ω_s; as for Coulomb friction")
     payload: float = Field(0.05, ge=0, description="kg, m_p on the arm; a twentieth of a link")
     wheel_payload: float = Field(0.05, ge=0, description="kg, m_p on the wheel; a twentieth of its mass")
     payload_radius: float = Field(0.5, ge=0, description="m, r on spoke 0 of the wheel; half a spoke")
     cogging: float = Field(0.3, ge=0, description="N m, A; of the order of the other forces")
-    cogging_periods: int = Field(12, ge=1, description="n a turn; a motor with 12 slots")
+    cogging_periods: int = Field(12, ge=1, description="n per turn; a motor with 12 slots")
     wheel_omega: tuple[float, float] = Field(
         (1.0, 2.5), description="rad/s, |ω| of the wheel's starts; enough to pass the next spoke downhill"
     )
@@ -69,7 +69,7 @@ class HiddenSizes(Section):
 
 
 class LoadedWheel(RimlessWheel):
-    """Rimless wheel with a point mass fixed at `offset` (2,) m from the hub, in the wheel's axes; q is the hub's."""
+    """Rimless wheel with a point mass fixed at `offset` (2,) m from the hub, in the wheel's axes; q is of the hub."""
 
     constant = False
 
@@ -111,12 +111,12 @@ def coulomb_joint_friction(f: tuple[float, float], speed: float) -> Force:
 
 
 def cogging(amplitude: float, periods: int) -> Force:
-    """Q (5,) of the arm and disk with a torque of `amplitude` in N m, `periods` times a turn of joint 1."""
+    """Q (5,) of the arm and disk with a cogging torque of `amplitude` in N m, `periods` times per turn of joint 1."""
     return lambda t, q, v: np.array([amplitude * np.sin(periods * q[0]), 0.0, 0.0, 0.0, 0.0])
 
 
 def gravity_direction(mechanism: ArmDisk | RimlessWheel, alpha: float) -> Force:
-    """Q (nv,) of gravity turned by alpha in rad from its believed direction."""
+    """Q (nv,) due to gravity that is rotated by alpha in rad from its believed direction."""
     if isinstance(mechanism, RimlessWheel):
         turned = mechanism.slope + alpha
         change = mechanism.g * np.array(
@@ -128,7 +128,7 @@ def gravity_direction(mechanism: ArmDisk | RimlessWheel, alpha: float) -> Force:
     (m1, m2), coms, l1 = mechanism.link_masses, mechanism.link_coms, mechanism.link_lengths[0]
 
     def lever(angle: float, point: np.ndarray) -> float:
-        # (∂/∂angle) of R(angle) point, times the change of gravity
+        # ∂(R(angle) point)/∂angle, times the change of gravity
         cos, sin = np.cos(angle), np.sin(angle)
         return (-sin * point[0] - cos * point[1]) * dx + (cos * point[0] - sin * point[1]) * dy
 
@@ -161,9 +161,9 @@ def loaded_arm(settings: Chapter2Bodies, payload: float) -> Chapter2Bodies:
 def planned(
     kind: MechanismKind, n: int, rng: np.random.Generator, settings: Chapter2Bodies, sizes: HiddenSizes
 ) -> tuple[SimulatedMotion, ...]:
-    """n trials of the believed mechanism, whose starts and torques `run_with` applies to the true one.
+    """Simulate n trials of the believed mechanism; `run_with` applies their starts and torques to the true mechanism.
 
-    The wheel starts on a spoke, alternately downhill and uphill: a resistance changes its sign, a slope does not.
+    The wheel starts on a spoke, alternately downhill and uphill: a resistance then changes its sign, a slope does not.
     """
     if kind == "arm":
         return chapter2.arm_trajectories(n, rng, settings).records
@@ -181,10 +181,10 @@ def planned(
 def run_with(
     kind: MechanismKind, truth: str, plans: tuple[SimulatedMotion, ...], settings: Chapter2Bodies, sizes: HiddenSizes
 ) -> tuple[SimulatedMotion, ...]:
-    """The planned trials on a mechanism with a hidden effect, one of `TRUTHS[kind]`; unsolvable trials are left out.
+    """Simulate the planned trials on a mechanism with a hidden cause of `TRUTHS[kind]`; leave out unsolvable trials.
 
     Raises:
-        UserError: this mechanism has no such hidden effect.
+        UserError: this hidden cause does not exist for the mechanism.
     """
     if truth not in TRUTHS[kind]:
         raise UserError(f"The {kind} hides one of {', '.join(TRUTHS[kind])}; got {truth!r}.")
@@ -207,7 +207,7 @@ def run_with(
         return np.array([-sizes.viscous[0] * v[0], -sizes.viscous[1] * v[1], 0.0, 0.0, 0.0])
 
     def rolling(plan: SimulatedMotion) -> Force:
-        """Q (nv,) on the last coordinate, with N of the ground in the same step."""
+        """Q (nv,) on the last coordinate, with the normal force N of the ground in the same step."""
 
         def force(t: float, q: np.ndarray, v: np.ndarray) -> np.ndarray:
             k = min(round(t / plan.h), plan.steps - 1)

@@ -1,16 +1,16 @@
 """Bodies, releases and torques of chapter 2's simulations (thesis 2.4).
 
-The thesis gives m = 1 kg, ε = 0.6, μ = 0.7 and m/I = 6 and 0.8 1/m² for block and ellipse.  The ratios fix the size of
-uniform bodies: m/I = 6/a² for a square of side a, hence a = 1 m, and m/I = 4/(a² + b²) for an ellipse, hence semi-axes
-of 2 and 1 m.  Everything else is our choice; the descriptions of the settings give the reasons.
+The thesis gives m = 1 kg, ε = 0.6, μ = 0.7 and m/I = 6 and 0.8 1/m² for block and ellipse.  The ratios determine the
+size of uniform bodies: m/I = 6/a² for a square of side a, hence a = 1 m, and m/I = 4/(a² + b²) for an ellipse, hence
+semi-axes of 2 and 1 m.  Everything else is our choice; the descriptions of the settings give the reasons.
 
-The torques of the arm are open loop: a share of the arm's weight at the start, which lets it come down on the disk, and
+The torques of the arm are open loop: a share of the arm's weight at the start, which lets it descend onto the disk, and
 two sines per joint with random phases, which excite all inertial parameters,
 
     τ_i(t) = τ_i0 - s g_i(q_0) + Σ_j A_i sin(2π f_ij t + ψ_ij).
 
-The disk spins when it lands.  If it only rolls on the ground, only m + I/R² of its two inertial parameters is
-identifiable, even if it slips on the arm; a landing that slips adds I/m, and both are identifiable.
+The disk spins when it lands.  If it only rolls on the ground, only the combination m + I/R² of its inertial parameters
+is identifiable, even if it slips on the arm; a landing with slip adds I/m, and both parameters become identifiable.
 """
 
 from collections.abc import Callable
@@ -31,29 +31,29 @@ from thesis_lib.simulate.stepping.rimless_wheel import RimlessWheel
 from thesis_lib.simulate.stepping.stepping import SimulatedMotion, simulate
 
 Kind = Literal["block", "ellipse", "disk", "rod", "wheel"]
-# trajectories drawn per accepted one of the arm; more mean that the settings give no contact
+# most trajectories drawn per accepted trajectory of the arm; if more are needed, the settings give no contact
 MAX_TRIES = 50
 FILTERS = ("not solved", "too fast", "arm below the ground", "too little contact")
 
 
 class Releases(Release):
-    """States from which a body is let go, at x = 0; x and y along and normal to the surface."""
+    """States from which a body is released, at x = 0; x and y are along and normal to the surface."""
 
     height: Spread = Field(description="m, centre of mass above the surface")
     vx: Spread = Field(
-        Spread(low=-1.0, high=1.0), description="m/s, like the speed of the fall's last part of a second"
+        Spread(low=-1.0, high=1.0), description="m/s, like the speed of the fall in the last fraction of a second"
     )
     vy: Spread = Field(Spread(low=-1.0, high=1.0), description="m/s")
-    omega: Spread = Field(Spread(low=-3.0, high=3.0), description="rad/s, up to a turn in a drop")
+    omega: Spread = Field(Spread(low=-3.0, high=3.0), description="rad/s, up to one turn per drop")
 
 
 class WheelSettings(Section):
-    """Rimless wheel; the thesis shows eight spokes (figure 2-8) and gives no number."""
+    """Rimless wheel; the thesis shows eight spokes (figure 2-8) but gives no numbers."""
 
     spokes: int = Field(8, ge=3, le=100, description="as drawn in figure 2-8")
     length: float = Field(1.0, gt=0, description="m, hub to tip; own choice: the size of the other bodies")
     mass: float = Field(1.0, gt=0, description="kg, unit mass of the thesis")
-    inertia: float = Field(0.5, gt=0, description="kg m²; own choice: half of all mass at the tips")
+    inertia: float = Field(0.5, gt=0, description="kg m²; own choice: half of the mass at the tips")
     slope: float = Field(0.15, ge=0, lt=1.5, description="rad; own choice: steady rolling at 2 rad/s")
     omega: Spread = Field(
         Spread(low=-2.0, high=-1.2), description="rad/s at the start, downhill; around the limit cycle"
@@ -61,41 +61,41 @@ class WheelSettings(Section):
     mu: float = Field(0.7, ge=0, description="thesis")
     mu_low: float = Field(0.1, ge=0, description="low friction of figure 2-9 c; own choice, below the slope")
     epsilon: float = Field(
-        0.0, ge=0, le=1, description="own choice: a walker's feet do not rebound, so that contact lasts"
+        0.0, ge=0, le=1, description="own choice: the feet of a walker do not rebound, and contact lasts"
     )
 
 
 class ArmSettings(Section):
-    """Two-link arm with disk; the thesis gives no number for it."""
+    """Two-link arm with disk; the thesis gives no numbers for it."""
 
     link_lengths: tuple[float, float] = Field((0.8, 0.8), description="m; own choice")
     link_masses: tuple[float, float] = Field((1.0, 0.8), description="kg; own choice, of the disk's order")
-    link_coms: tuple[float, float] = Field((0.36, 0.42), description="m from the joint; own choice, not half")
+    link_coms: tuple[float, float] = Field((0.36, 0.42), description="m from the joint; own choice, off the middle")
     link_inertias: tuple[float, float] = Field((0.06, 0.045), description="kg m²; own choice, rod-like")
     base: tuple[float, float] = Field((0.0, 0.5), description="m, first joint; own choice")
     disk_radius: float = Field(0.25, gt=0, description="m; own choice")
     disk_mass: float = Field(1.0, gt=0, description="kg, unit mass of the thesis")
-    disk_inertia: float = Field(0.04, gt=0, description="kg m²; own choice, more than a uniform disk's 0.031")
+    disk_inertia: float = Field(0.04, gt=0, description="kg m²; own choice, above the 0.031 of a uniform disk")
     mu: float = Field(
-        0.4, ge=0, le=0.4, description="own choice: with the thesis's 0.7 the disk may only stick, see 2.3.3"
+        0.4, ge=0, le=0.4, description="own choice: with the 0.7 of the thesis the disk might never slip, see 2.3.3"
     )
     epsilon: float = Field(0.0, ge=0, le=1, description="own choice: contact lasts from the first touch on")
     steps: int = Field(240, ge=1, description="1.2 s; own choice: the disk leaves the wedge")
     link_1: Spread = Field(Spread(low=-0.3, high=0.0), description="rad, q_1 at the start")
     incline: Spread = Field(Spread(low=0.7, high=1.0), description="rad, q_1 + q_2 at the start")
-    arm_gap: Spread = Field(Spread(low=0.02, high=0.1), description="m, disk from link 2 at the start")
+    arm_gap: Spread = Field(Spread(low=0.02, high=0.1), description="m, distance of disk and link 2 at the start")
     disk_gap: Spread = Field(Spread(low=0.02, high=0.1), description="m, disk above the ground at the start")
     disk_spin: Spread = Field(
         Spread(low=-10.0, high=-5.0),
-        description="rad/s at the start; own choice: a landing that slips, without which the mass and the inertia of "
-        "a disk that rolls cannot be told apart",
+        description="rad/s at the start; own choice: a landing with slip, without which mass and inertia of "
+        "a rolling disk cannot be distinguished",
     )
-    support: Spread = Field(Spread(low=0.8, high=1.0), description="share s of the arm's weight carried")
-    push: tuple[float, float] = Field((-4.0, -2.0), description="N m, τ_0; presses link 2 on the disk")
+    support: Spread = Field(Spread(low=0.8, high=1.0), description="share s of the arm's weight that is carried")
+    push: tuple[float, float] = Field((-4.0, -2.0), description="N m, τ_0; presses link 2 onto the disk")
     amplitude: tuple[float, float] = Field((2.0, 1.0), description="N m, A of each joint")
-    frequency: Spread = Field(Spread(low=0.5, high=3.0), description="Hz; of the motion's own time scale")
-    min_contact: int = Field(50, ge=0, description="steps with both pairs in contact that are asked for")
-    max_speed: float = Field(25.0, gt=0, description="m/s or rad/s; faster ones have flown off")
+    frequency: Spread = Field(Spread(low=0.5, high=3.0), description="Hz; the time scale of the motion")
+    min_contact: int = Field(50, ge=0, description="required number of steps with both pairs in contact")
+    max_speed: float = Field(25.0, gt=0, description="m/s or rad/s; faster motions have flown off")
 
 
 class Chapter2Bodies(Section):
@@ -109,7 +109,7 @@ class Chapter2Bodies(Section):
     gravity: float = Field(9.81, gt=0, description="m/s²")
     side: float = Field(1.0, gt=0, description="m, of the block; from m/I = 6 of the thesis, uniform")
     semi_axes: tuple[float, float] = Field((2.0, 1.0), description="m; from m/I = 0.8 of the thesis, uniform")
-    radius: float = Field(0.5, gt=0, description="m, of the disk of figure 2-4; own choice: as the block")
+    radius: float = Field(0.5, gt=0, description="m, of the disk of figure 2-4; own choice: like the block")
     rod_length: float = Field(1.0, gt=0, description="m, of the rod of figure 2-2; own choice")
     block_release: Releases = Releases(height=Spread(low=1.2, high=2.0))
     ellipse_release: Releases = Releases(height=Spread(low=2.5, high=3.5))
@@ -175,10 +175,10 @@ def arm_disk(settings: Chapter2Bodies = DEFAULT) -> ArmDisk:
 def releases(
     kind: Kind, n: int, rng: np.random.Generator, settings: Chapter2Bodies = DEFAULT
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Initial states q and v, (n, 3) each, of n drops of a body or starts of the wheel on one spoke.
+    """Draw initial states q and v, (n, 3) each, for n drops of a body or starts of the wheel on one spoke.
 
     Raises:
-        UserError: there is no such kind, or a release reaches into the surface.
+        UserError: the kind is unknown, or a release penetrates the surface.
     """
     if kind == "wheel":
         made = wheel(settings)
@@ -186,11 +186,11 @@ def releases(
         return np.array([q for q, _ in starts]).reshape(n, 3), np.array([v for _, v in starts]).reshape(n, 3)
     spreads = {name: getattr(settings, f"{name}_release") for name in BODIES if name != "wheel"}
     if kind not in spreads:
-        raise UserError(f"There are releases of {', '.join(spreads)} and wheel; got {kind!r}.")
+        raise UserError(f"There are releases for {', '.join(spreads)} and wheel; got {kind!r}.")
     q, v = spreads[kind].draw(n, rng)
     if n and BODIES[kind](settings).contacts_of(q).phi.min() < 0.0:
         raise UserError(
-            f"A release of the {kind} from {spreads[kind].height.low} m can reach into the surface; raise the lower "
+            f"A release of the {kind} from {spreads[kind].height.low} m can penetrate the surface; raise the lower "
             f"end of {kind}_release.height."
         )
     return q, v
@@ -201,12 +201,12 @@ class ArmTrajectories:
     """Trajectories of arm and disk with enough contact."""
 
     records: tuple[SimulatedMotion, ...]
-    tried: int  # number drawn
-    left_out: dict[str, int]  # number left out, by reason of `FILTERS`
+    tried: int  # number of trajectories drawn
+    left_out: dict[str, int]  # number of trajectories left out, by reason (`FILTERS`)
 
 
 def arm_trajectories(n: int, rng: np.random.Generator, settings: Chapter2Bodies = DEFAULT) -> ArmTrajectories:
-    """Draw starts and torques until n trajectories have enough contact with arm and ground at once.
+    """Draw starts and torques until n trajectories have enough simultaneous contact with arm and ground.
 
     Raises:
         UserError: fewer than one in `MAX_TRIES` draws is accepted.
@@ -219,7 +219,7 @@ def arm_trajectories(n: int, rng: np.random.Generator, settings: Chapter2Bodies 
         if tried >= MAX_TRIES * (len(kept) + 1):
             raise UserError(
                 f"Only {len(kept)} of {tried} trajectories of the arm had {a.min_contact} steps with both contacts; "
-                "change the start, the torques or min_contact in the arm's settings."
+                "adjust the start, the torques or min_contact in the settings of the arm."
             )
         q, v, torque = _start(arm, a, settings.h, rng)
         tried += 1
@@ -235,7 +235,7 @@ def arm_trajectories(n: int, rng: np.random.Generator, settings: Chapter2Bodies 
 def _start(
     arm: ArmDisk, a: ArmSettings, h: float, rng: np.random.Generator
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Initial q and v (5,) and torques (steps, 5): the disk under link 2, all at rest except its spin."""
+    """Draw initial q and v (5,) and torques (steps, 5): the disk is under link 2, and only the disk's spin is not 0."""
     u = rng.random(6)
     first, incline = a.link_1.quantile(u[0]), a.incline.quantile(u[1])
     height = a.disk_radius + a.disk_gap.quantile(u[2])
@@ -259,5 +259,5 @@ def _left_out(arm: ArmDisk, record: SimulatedMotion, a: ArmSettings) -> str:
     if np.abs(record.v).max() > a.max_speed:
         return "too fast"
     if min(points[:, 1].min() for points in arm.joints(record.q)) < 0.0:
-        return "arm below the ground"  # the model has no contact of arm and ground
+        return "arm below the ground"  # the model has no contact between arm and ground
     return "" if (record.c_n > 0).all(axis=1).sum() >= a.min_contact else "too little contact"

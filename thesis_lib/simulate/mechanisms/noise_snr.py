@@ -1,4 +1,4 @@
-"""Measurement noise of a given signal-to-noise ratio on simulated states (thesis 2.4, table 2.1).
+"""Measurement noise with a given signal-to-noise ratio on simulated states (thesis 2.4, table 2.1).
 
     σ_i² = var(channel i) / 10^(SNR/10)
 
@@ -18,7 +18,7 @@ from thesis_lib.simulate.stepping.stepping import SimulatedMotion
 class NoisyStates:
     """Noisy states q, v (m+1, nv) of a record.
 
-    `sigma` (2, nv) holds the true standard deviations σ of the noise on q and v, which an estimator need not know.
+    `sigma` (2, nv) holds the true standard deviations σ of the noise on q and v, which an estimator does not need.
     """
 
     q: np.ndarray
@@ -27,16 +27,16 @@ class NoisyStates:
 
 
 def add_noise(record: SimulatedMotion, snr_db: float, rng: np.random.Generator) -> NoisyStates:
-    """Gaussian noise of `snr_db` in dB on q and v of a record, independent in every sample and channel.
+    """Add Gaussian noise at `snr_db` in dB to q and v of a record, independent in every sample and channel.
 
     Raises:
-        UserError: the ratio is NaN or minus infinity, or the record holds a step that was not solved.
+        UserError: the ratio is NaN or minus infinity, or the record contains a step that was not solved.
     """
     if np.isnan(snr_db) or snr_db == -np.inf:
-        raise UserError(f"A signal-to-noise ratio is a number of dB, or infinite for no noise; got {snr_db}.")
+        raise UserError(f"A signal-to-noise ratio is a number in dB, or infinite for no noise; got {snr_db}.")
     if not (np.isfinite(record.q).all() and np.isfinite(record.v).all()):
         raise UserError(
-            "Noise cannot be added to a record with a step that was not solved. Look at its status, and leave it out "
+            "Noise cannot be added to a record with a step that was not solved. Check its status, and omit the record "
             "or cut it with `SimulatedMotion.window`."
         )
     sigma = np.stack([record.q.std(axis=0), record.v.std(axis=0)]) * 10.0 ** (-snr_db / 20.0)

@@ -1,18 +1,18 @@
 """Regressor Y of the equations of motion in the inertial parameters (thesis section 2.3.2, step 1, eq. 2.9).
 
-Each body has four inertial parameters in the plane, in which its dynamics are linear:
+In the plane, each body has four inertial parameters, in which its dynamics are linear:
 
     π = (m, m c_x, m c_y, I),       Y(q, v, v̇) π = M v̇ + C v − g = f_ext + J' c
 
-with c the centre of mass from the body origin in body axes and I the moment of inertia about the body origin.  Gravity
-is on the left, since it is linear in the same parameters; free fall therefore does not determine a mass.
+where (c_x, c_y) is the centre of mass from the body origin in body axes and I the moment of inertia about the origin.
+Gravity is on the left, since it is linear in the same parameters; free fall therefore does not determine a mass.
 
 For one free body with q = (x, y, θ), acceleration a, rotation R(θ) and p = R (m c):
 
     force   m a + α ẑ×p − ω² p − m g,        moment about the origin   I α + p × (a − g)
 
-For any other mechanism the columns are derivatives of Drake's inverse dynamics by the parameters (automatic
-differentiation).  The dynamics are linear in the parameters, so derivatives at any value are exact.
+For other mechanisms the columns are derivatives of Drake's inverse dynamics with respect to the parameters (automatic
+differentiation).  The dynamics are linear in the parameters; derivatives at any value are therefore exact.
 
 Sources: W. Khalil, E. Dombre, Modeling, Identification and Control of Robots, 2002,
 doi 10.1016/B978-1-903996-66-9.X5000-3; R. Tedrake and the Drake development team, Drake, https://drake.mit.edu.
@@ -78,24 +78,24 @@ class PlantRegressor:
         self._plant = plant.ToAutoDiffXd()
         self._context = self._plant.CreateDefaultContext()
         zero = AutoDiffXd(0.0)
-        # any value does: the derivatives of a linear function are the same everywhere
+        # any values will do: the derivatives of a linear function are the same everywhere
         parameters = InitializeAutoDiff(np.tile([1.0, 0.0, 0.0, 1.0], len(bodies))).reshape(-1, 4)
         for body, (m, mc_x, mc_y, inertia) in zip(bodies, parameters):
             unit = inertia / m
             spatial = SpatialInertia_[AutoDiffXd](
                 m,
                 np.array([mc_x / m, mc_y / m, zero]),
-                # in the plane only the moment about z acts
+                # only the moment about z matters in the plane
                 UnitInertia_[AutoDiffXd](unit, unit, unit),
                 skip_validity_check=True,
             )
             self._plant.GetBodyByName(body).SetSpatialInertiaInBodyFrame(self._context, spatial)
 
     def __call__(self, q: np.ndarray, v: np.ndarray, a: np.ndarray) -> np.ndarray:
-        """Y (n, nv, 4 b) at positions q (n, nq), velocities v and accelerations a (n, nv); 0.3 ms a row.
+        """Y (n, nv, 4 b) at positions q (n, nq), velocities v and accelerations a (n, nv); takes 0.3 ms per row.
 
         Raises:
-            ValueError: the shapes do not fit, or a value is not finite (Drake would end the process).
+            ValueError: the shapes do not fit, or a value is not finite (Drake would abort the process).
         """
         from pydrake.autodiffutils import AutoDiffXd, ExtractGradient
         from pydrake.multibody.tree import MultibodyForces_

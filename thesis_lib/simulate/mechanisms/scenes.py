@@ -1,14 +1,14 @@
-"""The simulated motions in the figures of chapter 2, chosen by a stated criterion.
+"""The simulated motions in the figures of chapter 2, chosen by stated criteria.
 
-| scene          | figure | what moves, and how it is chosen                                                         |
-|----------------|--------|------------------------------------------------------------------------------------------|
-| `falling_rod`  | 2-2    | the start of a grid whose left end sticks and whose right end then slides for longest     |
+| scene          | figure | motion, and the criterion by which it is chosen                                           |
+|----------------|--------|-------------------------------------------------------------------------------------------|
+| `falling_rod`  | 2-2    | start from a grid for which the left end sticks, then the right end slides, for longest   |
 | `landing_disk` | 2-4    | a disk thrown flat, from flight to rolling, with its noisy states and a window of m steps |
 | `tipping_block`| 2-5    | a block that rocks over its corner, always in contact, with its noisy states              |
-| `traces`       | 2-9    | of a few random drops the one that travels farthest, so that its outlines lie apart       |
+| `traces`       | 2-9    | the farthest of a few random drops, to keep its outlines apart                            |
 | `reaching_arm` | 2-1    | the arm's lowest start, with the disk moved until it touches both arm and ground          |
 
-Sources: thesis figures 2-1 to 2-9; the falling rod is that of D. E. Stewart, J. C. Trinkle, Int. J. Numer. Methods
+Sources: thesis figures 2-1 to 2-9; the falling rod is taken from D. E. Stewart, J. C. Trinkle, Int. J. Numer. Methods
 Eng. 39 (1996), doi 10.1002/(SICI)1097-0207(19960815)39:15<2673::AID-NME972>3.0.CO;2-I.
 """
 
@@ -39,7 +39,7 @@ from thesis_lib.simulate.stepping.arm_disk import ArmDisk
 from thesis_lib.simulate.stepping.multibody import Mechanism, PlanarFreeBody
 from thesis_lib.simulate.stepping.stepping import SimulatedMotion, simulate
 
-SLIPS = 1e-6  # m/s; sticking contacts of a record move by rounding, 1e-13
+SLIPS = 1e-6  # m/s; slip of a sliding contact; sticking contacts of a record only move by rounding errors, 1e-13
 
 
 class Mode(IntEnum):
@@ -51,23 +51,23 @@ class Mode(IntEnum):
 
 
 class SceneSettings(Section):
-    """Own choices throughout: the thesis gives no number for these figures."""
+    """Settings of the figures; all are our own choices, as the thesis gives no numbers for these figures."""
 
-    rod_mu: float = Field(0.3, ge=0, description="low enough that the right end slides a visible way")
-    rod_epsilon: float = Field(0.0, ge=0, le=1, description="as in the rod's source: an end that lands stays")
-    rod_height: float = Field(1.2, gt=0, description="m, centre at release: two rod lengths of figure height")
+    rod_mu: float = Field(0.3, ge=0, description="low enough for a visible slide of the right end")
+    rod_epsilon: float = Field(0.0, ge=0, le=1, description="as in the rod's source: an end that lands stays down")
+    rod_height: float = Field(1.2, gt=0, description="m, centre at release; the figure is two rod lengths high")
     rod_theta: tuple[float, ...] = Field((1.1, 1.2, 1.3), description="rad; left end down")
     rod_vx: tuple[float, ...] = Field((0.0, 0.5, 1.0, 1.5), description="m/s")
     rod_omega: tuple[float, ...] = Field((-1.0, 0.0), description="rad/s; falls to the right")
     rod_steps: int = Field(200, ge=1, description="1 s: until the rod lies still")
-    disk_height: float = Field(1.1, gt=0, description="m, centre at release: flight as long as the rolling")
-    disk_vx: float = Field(4.0, description="m/s; the picture is wider than high")
+    disk_height: float = Field(1.1, gt=0, description="m, centre at release; flight takes as long as rolling")
+    disk_vx: float = Field(4.0, description="m/s; makes the picture wider than high")
     disk_steps: int = Field(130, ge=2, description="0.65 s, half of it flight")
     window: int = Field(60, ge=2, description="m of figure 2-4, as long as the flight, about the touchdown")
-    snr_db: float = Field(20.0, description="dB; noise of table 2.1 that can be seen at the figure's scale")
+    snr_db: float = Field(20.0, description="dB; noise of table 2.1 that is visible at the scale of the figure")
     tip_theta: float = Field(0.6, gt=0, lt=np.pi / 4, description="rad, start of the tipping block")
     tip_steps: int = Field(150, ge=2, description="0.75 s, until it has landed on its side")
-    candidates: int = Field(20, ge=1, description="drops from which the trace shown is taken")
+    candidates: int = Field(20, ge=1, description="number of drops from which the plotted trace is chosen")
     wheel_steps: int = Field(500, ge=1, description="2.5 s: five spokes of steady rolling")
 
 
@@ -96,20 +96,20 @@ class NoisyMotion:
 
 
 def contact_modes(record: SimulatedMotion) -> np.ndarray:
-    """`Mode` (m, p) of each contact pair in each step: open without normal force, else by J_t v_{k+1}."""
+    """`Mode` (m, p) of each contact pair in each step: open without a normal force, else determined by J_t v_{k+1}."""
     v_t = np.einsum("kpv,kv->kp", record.J_t, record.v[1:])
     closed = np.where(np.abs(v_t) > SLIPS, Mode.SLIDES, Mode.STICKS)
     return np.where(record.c_n > 0.0, closed, Mode.OPEN)
 
 
 def falling_rod(settings: Chapter2Bodies = DEFAULT, scenes: SceneSettings = SCENES) -> RodFall:
-    """The fall of figure 2-2.
+    """Simulate the fall of figure 2-2.
 
-    Of the grid's starts whose left end lands first and sticks and whose right end slides on landing, the first with the
-    largest min(steps without a break that the left end sticks from its landing, steps that the right end slides).
+    Of the starts for which the left end lands first and sticks and the right end slides on landing, the first with the
+    largest min(uninterrupted steps that the left end sticks after landing, steps that the right end slides) is used.
 
     Raises:
-        UserError: no start of the grid does this.
+        UserError: no start of the grid moves in this way.
     """
     body = rod(settings)
     best: tuple[int, RodFall] | None = None
@@ -123,7 +123,7 @@ def falling_rod(settings: Chapter2Bodies = DEFAULT, scenes: SceneSettings = SCEN
         left, right = (int(step) for step in closed.argmax(axis=0))
         sticks = int(np.argmin(np.append(modes[left:right, 0] == Mode.STICKS, False)))
         slides = int((modes[right:, 1] == Mode.SLIDES).sum())
-        lies_right = np.cos(record.q[right, 2]) > 0.0  # otherwise it fell over backwards
+        lies_right = np.cos(record.q[right, 2]) > 0.0  # otherwise the rod fell over backwards
         if left < right and lies_right and modes[right, 1] == Mode.SLIDES and sticks > 0:
             score = min(sticks, slides)
             if best is None or score > best[0]:
@@ -139,10 +139,10 @@ def falling_rod(settings: Chapter2Bodies = DEFAULT, scenes: SceneSettings = SCEN
 def landing_disk(
     rng: np.random.Generator, settings: Chapter2Bodies = DEFAULT, scenes: SceneSettings = SCENES
 ) -> NoisyMotion:
-    """The disk of figure 2-4: thrown without spin, it lands without rebound and rolls; window about the touchdown.
+    """Simulate the disk of figure 2-4: thrown without spin, it lands without rebound and rolls; window about landing.
 
     Raises:
-        UserError: it does not land early enough for the window, or does not roll in it.
+        UserError: the disk does not land early enough for the window, or does not roll at its end.
     """
     body = disk(settings)
     q, v = np.array([0.0, scenes.disk_height, 0.0]), np.array([scenes.disk_vx, 0.0, 0.0])
@@ -154,7 +154,7 @@ def landing_disk(
     if not (start >= 0 and stop <= record.steps and modes[stop - 1] == Mode.STICKS):
         raise UserError(
             f"The disk does not go from flight to rolling within a window of {scenes.window} of its {record.steps} "
-            f"steps (first contact: {lands}); change disk_height, disk_steps or window."
+            f"steps (first contact: step {lands}); change disk_height, disk_steps or window."
         )
     return NoisyMotion(body, record, add_noise(record, scenes.snr_db, rng), start, stop)
 
@@ -162,7 +162,7 @@ def landing_disk(
 def tipping_block(
     rng: np.random.Generator, settings: Chapter2Bodies = DEFAULT, scenes: SceneSettings = SCENES
 ) -> NoisyMotion:
-    """The block of figure 2-5: released at rest on one corner, it tips over it, always in contact."""
+    """Simulate the block of figure 2-5: released at rest on one corner, it tips over it, always in contact."""
     body = block(settings)
     q = np.array([0.0, 0.0, scenes.tip_theta])
     q[1] = -body.contacts(q).phi.min()
@@ -173,9 +173,9 @@ def tipping_block(
 def traces(
     rng: np.random.Generator, settings: Chapter2Bodies = DEFAULT, scenes: SceneSettings = SCENES
 ) -> dict[str, tuple[PlanarFreeBody, SimulatedMotion]]:
-    """Motions of figure 2-9: "block", "ellipse", "wheel, high friction" and "wheel, low friction".
+    """Simulate the motions of figure 2-9: "block", "ellipse", "wheel, high friction" and "wheel, low friction".
 
-    Of a few random drops, those whose centre travels farthest.  The wheel starts at the middle of its range of speeds.
+    Of a few random drops, the drop whose centre travels farthest is shown.  The wheel starts at its median speed.
     """
     shown: dict[str, tuple[PlanarFreeBody, SimulatedMotion]] = {}
     drops: dict[Kind, PlanarFreeBody] = {"block": block(settings), "ellipse": ellipse(settings)}
@@ -197,7 +197,7 @@ def traces(
 def reaching_arm(settings: Chapter2Bodies = DEFAULT) -> tuple[ArmDisk, np.ndarray]:
     """The arm of figure 2-1 and a configuration q (5,) in which the disk touches both the ground and link 2."""
     arm, a = arm_disk(settings), settings.arm
-    first, incline = a.link_1.low, a.incline.low  # there link 2 touches the disk farthest from the joint
+    first, incline = a.link_1.low, a.incline.low  # link 2 then touches the disk at the largest distance from the joint
     q = np.array([first, incline - first, 0.0, a.disk_radius, 0.5])
     elbow = arm.joints(q[None])[0][0]
     # below link 2 at a distance of one radius from its line: (P - elbow)' (sin β, -cos β) = R
@@ -206,13 +206,13 @@ def reaching_arm(settings: Chapter2Bodies = DEFAULT) -> tuple[ArmDisk, np.ndarra
 
 
 def falling_polygon() -> tuple[PlanarFreeBody, np.ndarray]:
-    """The "planar object" of figure 2-3, here an irregular pentagon of our choice, and its pose (3,)."""
+    """The "planar object" of figure 2-3, here an irregular pentagon (our choice), and its pose (3,)."""
     corners = ((-0.42, -0.32), (0.38, -0.38), (0.52, 0.12), (0.08, 0.44), (-0.46, 0.24))
     return PlanarFreeBody(Polygon(vertices=corners), 1.0, 0.1), np.array([1.2, 0.95, 0.3])
 
 
 def schematic_poses(settings: Chapter2Bodies = DEFAULT) -> dict[str, tuple[Mechanism, np.ndarray]]:
-    """Mechanisms of the schematics (figures 2-1, 2-3, 2-6 to 2-8), each with the drawn configuration."""
+    """Mechanisms of the schematics (figures 2-1, 2-3, 2-6 to 2-8), each with the configuration shown."""
     rolling = wheel(settings)
     return {
         "arm": reaching_arm(settings),

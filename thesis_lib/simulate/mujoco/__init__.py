@@ -1,1 +1,1 @@
-"""Drops in MuJoCo, with its own contact."""
+"""Drops and tosses simulated in MuJoCo, with its own contact."""

@@ -1,34 +1,34 @@
-"""Causes that can be hidden in drops of MuJoCo: those of all simulators that its elements can produce, and its own.
+"""Causes that can be hidden in drops in MuJoCo: common causes that MuJoCo's elements can produce, and its own.
 
-MuJoCo's spring and damper are linear, its friction knows one coefficient at all speeds in both directions, its contact
-does not stick, and it has no spring along the surface.  Its rolling friction takes its couple out of the same cone as
-the friction force, so that a body that slides feels next to none: that is another cause than `rolling_lever`.
+MuJoCo's spring and damper are linear, its friction has one coefficient for all speeds and both directions, its contact
+does not adhere, and it has no spring along the surface.  The couple of its rolling friction shares one cone with the
+friction force and nearly vanishes for a sliding body; it therefore differs from the cause `rolling_lever`.
 """
 
 from pydantic import Field
 
 from thesis_lib.simulate.rig.hidden_causes import CAUSES, Cause, HiddenCauses
 
-# causes without an element in MuJoCo: nothing there has the same meaning
+# causes for which MuJoCo has no element with the same meaning
 WITHOUT_ELEMENT = (
     *("tangential_compliance", "hunt_crossley", "stribeck", "friction_anisotropy", "rolling_lever", "adhesion_energy"),
     "plate_curvature",
 )
-# causes that change friction or solref of the pairs before each contact
+# causes for which friction or solref of the pairs is changed before each contact
 BY_PLACE = (
     *("orientation_restitution", "soft_spot", "wear", "friction_slope", "restitution_slope", "stiffness_slope"),
     *(f"{what}_{shape}" for what in ("restitution", "friction") for shape in ("patch", "bump", "step")),
     "stiffness_patch",
 )
-OWN = {"fluid_density": Cause((), 10.0)}  # causes that only MuJoCo makes
+OWN = {"fluid_density": Cause((), 10.0)}  # causes that only MuJoCo can simulate
 SUPPORTED: tuple[str, ...] = (*(name for name in CAUSES if name not in WITHOUT_ELEMENT), *OWN)
 
 
 class MujocoCauses(HiddenCauses):
-    """Hidden causes of drops in MuJoCo; the defaults are their absence."""
+    """Hidden causes of drops in MuJoCo; at its default, a cause is absent."""
 
     fluid_density: float = Field(
-        0.0, ge=0, le=2000, description="of a fluid that flows around the body's ellipsoid: drag by pose, lift, kg/m³"
+        0.0, ge=0, le=2000, description="of a fluid around the body's ellipsoid: drag that depends on pose, lift, kg/m³"
     )
 
     @property
@@ -38,5 +38,5 @@ class MujocoCauses(HiddenCauses):
 
     @property
     def by_place(self) -> bool:
-        """Whether restitution, friction or stiffness depends on the drop or on the place of the contact."""
+        """Whether restitution, friction or stiffness depends on the drop or on the place of contact."""
         return any(getattr(self, name) for name in BY_PLACE)

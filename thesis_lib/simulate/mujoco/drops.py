@@ -1,16 +1,16 @@
-"""Drops of a planar body in MuJoCo: a source whose contact nobody here wrote.
+"""Drops of a planar body in MuJoCo: a source of data whose contact is independent of our code.
 
-MuJoCo has the body, the plate and the hidden causes (`model`).  All drops are one `mujoco.batch.Batch`.  Flight goes
-without contact in steps of at most `FLIGHT_STEP`, and the interval of a step that comes within `SKIN` of the plate is
-stepped again with contact and its time step, at most a twentieth of it.
+MuJoCo simulates the body, the plate and the hidden causes (`model`).  All drops form one `mujoco.batch.Batch`.  Flight
+is integrated without contact in steps of at most `FLIGHT_STEP`.  If a step ends within `SKIN` of the plate, it is
+repeated with contact and the contact's smaller time step, at most a twentieth of the contact time.
 
-The integrator is RK4: it is exact for a parabola at any step, where MuJoCo's other integrators, which are of first
-order, fall short by g h t / 2 (0.03 mm in a drop of 0.3 s with 20 µs), and it resolves a contact of 200 steps to 0.1 %.
+The integrator is RK4.  It is exact for a parabola at any step size, while MuJoCo's other integrators, of first order,
+have an error of g h t / 2 (0.03 mm in a drop of 0.3 s with 20 µs); it resolves a contact of 200 steps to 0.1 %.
 
 A contact lasts from the touch until body and plate, both undeformed, no longer overlap; MuJoCo's force ends earlier,
-with the body still below the surface.  The states at its two ends are found by bisection on free flight from the step
-before the touch, and on the cubic Hermite path of the step after it.  Its impulse is the change of momentum less that
-due to gravity.  Everything else is as in all simulated drops (`compliant.drops`).
+while the body is still below the surface.  Its two ends are found by bisection: the touch on free flight from the step
+before it, the end on the cubic Hermite path of the step that contains it.  Its impulse is the change of momentum minus
+the impulse of gravity.  Everything else is as in all simulated drops (`compliant.drops`).
 """
 
 import numpy as np
@@ -29,7 +29,7 @@ from thesis_lib.simulate.mujoco.contact import COARSEST, MujocoContact, solref
 from thesis_lib.simulate.mujoco.model import drop_model, share
 from thesis_lib.simulate.rig.hidden_causes import CompliantContact, HiddenCauses
 
-SKIN = 2e-4  # m; a corner at 0.05 m turning with 60 rad/s dips by 0.02 mm between two steps of a flight
+SKIN = 2e-4  # m; a corner at 0.05 m of a body spinning at 60 rad/s dips by 0.02 mm between two flight steps
 
 
 class DropsInMujoco:
@@ -54,7 +54,7 @@ class DropsInMujoco:
 
 
 class _Run:
-    """Paths and contacts of n drops in MuJoCo; `t` (n,) ends the recordings in s, at `end` at the latest.
+    """Paths and contacts of n drops in MuJoCo; `t` (n,): ends of the recordings in s, at most `end`.
 
     States q, v are those of `Mechanics`.
     """
@@ -68,11 +68,11 @@ class _Run:
         self.steps, self.without = self.batch.expand("opt.timestep"), self.batch.expand("opt.disableflags")
         self.open: dict[int, tuple[np.ndarray, np.ndarray, float]] = {}  # states at the touch, by drop
         self.contacts, self.t = Contacts(mechanics), np.full(n, end)
-        # drops (m,), times (m, s) and states (m, s, 5) of what was stepped
+        # drops (m,), times (m, s) and states (m, s, 5) of all integrated steps
         self.path: list[tuple[np.ndarray, ...]] = []
 
     def falls(self, pose: np.ndarray, velocity: np.ndarray, rate: float) -> Falls:
-        """The drops from poses and velocities (n, 3) of their origins."""
+        """Simulate the drops from poses and velocities (n, 3) of their origins."""
         self._release(pose, velocity)
         n, every = len(pose), np.arange(len(pose))
         self.path.append((every, np.zeros((n, 1)), *(part[:, None] for part in self._state(every))))
@@ -82,7 +82,7 @@ class _Run:
     # --- states ---
 
     def _release(self, pose: np.ndarray, velocity: np.ndarray) -> None:
-        """Set the initial states: a loose mass rests in the body, and a plate is where it is at time 0."""
+        """Set the initial states; a loose mass is at rest relative to the body, a plate moves as at time 0."""
         centre, rate = self.mechanics.centre_state(pose, velocity)
         q, v = self.batch.bind("qpos"), self.batch.bind("qvel")
         q[:, :3], v[:, :3] = np.column_stack([centre, pose[:, 2]]), np.column_stack([rate, velocity[:, 2]])
@@ -96,7 +96,7 @@ class _Run:
         return self._of_mechanics(self.batch.bind("qpos")[rows], self.batch.bind("qvel")[rows])
 
     def _of_mechanics(self, qpos: np.ndarray, qvel: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """States (..., 5) of `Mechanics` from MuJoCo's positions and velocities, where a loose mass is in the body."""
+        """States (..., 5) of `Mechanics` from MuJoCo's, in which a loose mass is located relative to the body."""
         q, v = (np.concatenate([part[..., :3], part[..., :2]], axis=-1) for part in (qpos, qvel))
         if self.hidden.loose_mass:
             cos, sin, omega = np.cos(qpos[..., 2]), np.sin(qpos[..., 2]), qvel[..., 2]
@@ -114,7 +114,7 @@ class _Run:
     # --- time ---
 
     def _run(self, end: float, interval: float) -> None:
-        """Step all drops from 0 to `end` in s, in intervals of a flight step."""
+        """Integrate all drops from 0 to `end` in s, in intervals of a flight step."""
         parts = int(np.ceil(interval / self.contact.dt - 1e-9))
         active = np.arange(len(self.steps))
         near = np.zeros(len(active), dtype=bool)
@@ -122,7 +122,7 @@ class _Run:
             t0, t1 = k * interval, (k + 1) * interval
             far = active[~near[active]]
             saved = self.batch.state[far]
-            # a long step must not feel the plate in its stages
+            # the stages of a long step must not touch the plate
             self.steps[far], self.without[far] = interval, mjtDisableBit.mjDSBL_CONTACT
             if len(far):
                 self.batch.step(far)
@@ -138,7 +138,7 @@ class _Run:
                 active = active[self.t[active] == end]
 
     def _close(self, rows: np.ndarray, t0: float, interval: float, parts: int) -> np.ndarray:
-        """One interval of the drops `rows` in `parts` steps; returns which of them remain near the plate."""
+        """Integrate one interval of the drops `rows` in `parts` steps; return which of them remain near the plate."""
         self._set_surface(rows)
         before = self._state(rows)
         self.steps[rows], self.without[rows] = interval / parts, 0
@@ -157,13 +157,13 @@ class _Run:
         return (gap[:, -1] < SKIN) | np.isin(rows, list(self.open))
 
     def _set_surface(self, rows: np.ndarray) -> None:
-        """Friction and solref of the pairs of drops that are not in contact yet, from drop and place."""
+        """Set friction and solref of the pairs of drops that are not yet in contact, by drop and place."""
         if not self.hidden.by_place:
             return
         rows = rows[~np.isin(rows, list(self.open))]
         epsilon, mu, stiffness = self.mechanics.touch(self._state(rows)[0], rows)
         self.batch.expand("pair_friction")[rows, :, :2] = mu[..., None]
-        # a softer place has the same damping ratio
+        # a softer place keeps the damping ratio
         lasting = self.contact.contact_time * np.sqrt(self.mechanics.stiffness / stiffness)
         of_central = share(self.model, self.contact)
         self.batch.expand("pair_solref")[rows] = solref(epsilon, lasting, of_central)
@@ -171,7 +171,7 @@ class _Run:
     # --- contacts ---
 
     def _crossings(self, row: int, t: np.ndarray, q: np.ndarray, v: np.ndarray, gap: np.ndarray) -> None:
-        """Open and close contacts of a drop on its path t (s,), q and v (s, 5) with gaps (s,)."""
+        """Begin and end contacts of a drop along its path t (s,), q and v (s, 5) with gaps (s,)."""
         if row in self.open and gap[0] >= 0.0:
             self._record(row, (q[0], v[0], t[0]), separated=True)
         for j in np.flatnonzero(np.diff(gap < 0.0)):
@@ -185,7 +185,7 @@ class _Run:
     def _lands(
         self, row: int, t: float, q: np.ndarray, v: np.ndarray, h: float
     ) -> tuple[np.ndarray, np.ndarray, float]:
-        """State q, v (5,) and time at which free flight from t, q, v touches, within h s."""
+        """State q, v (5,) and time of the touch in free flight from t, q, v, which occurs within h s."""
         a = self.mechanics.acceleration(q[None], v[None])[0]
 
         def at(s: float) -> tuple[np.ndarray, np.ndarray]:
@@ -194,20 +194,20 @@ class _Run:
         return *at(s := self._root(row, t, 0.0, h, lambda s: at(s)[0])), t + s
 
     def _leaves(self, row: int, t: np.ndarray, q: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
-        """State q, v (5,) and time at which a body on the path t (2,), q and v (2, 5) leaves the plate."""
+        """State q, v (5,) and time at which a body leaves the plate on the path t (2,), q and v (2, 5)."""
         path = CubicHermiteSpline(t - t[0], q, v)
         s = self._root(row, t[0], t[1] - t[0], 0.0, path)
         return path(s), path(s, 1), t[0] + s
 
     def _root(self, row: int, t: float, high: float, low: float, path) -> float:
-        """Time after t in s, between `high` (gap above 0) and `low` (below), at which the gap of a path is 0."""
+        """Time after t in s at which the gap along a path is 0, between `high` (gap above 0) and `low` (below 0)."""
         gap, rows = self.mechanics.gap, np.array([row])
         return float(
             bisected(lambda s: gap(path(s)[None], np.array([t + s]), rows)[0] >= 0.0, high, low, BISECTIONS)[0]
         )
 
     def _record(self, row: int, after: tuple[np.ndarray, np.ndarray, float], *, separated: bool) -> None:
-        """Close the contact of a drop; its recording ends there if it has come to rest."""
+        """End the contact of a drop; if the drop has come to rest, its recording ends there."""
         if not self.contacts.add(row, self.open.pop(row), after, separated):
             self.t[row] = after[2]
 

@@ -1,16 +1,16 @@
 """A planar body over a plate as a MuJoCo model, with the hidden causes that MuJoCo's elements can produce.
 
     world ── slide x, slide y, hinge z ── body (sphere at each corner, or ellipsoid) ── loose mass on two slides
-    world ── plane;  a plate that moves: a carriage on a slide, with a box
+    world ── plane;  a moving plate: a carriage on a slide, with a box
 
-The plane is MuJoCo's world x-y plane with gravity along −y.  One pair of geoms a corner has the contact's parameters
-(`contact`), condim 3 and the elliptic cone.  MuJoCo finds the lowest point of an ellipsoid from its support function,
-so that an ellipse touches the plane in one exact point, and a box to the tolerance of its collision detection.
+The plane is MuJoCo's world x-y plane with gravity along −y.  One pair of geoms per corner has the contact's parameters
+(`contact`), condim 3 and the elliptic cone.  MuJoCo finds the lowest point of an ellipsoid from its support function;
+an ellipse therefore touches a plane in one exact point, and a box within the tolerance of the collision detection.
 
 | cause                                | in the model                                                         |
 |--------------------------------------|----------------------------------------------------------------------|
-| tilt, camera_slope, gravity_error    | gravity vector; what carries the plate is weightless                 |
-| com_offset, inertia_error            | where the shape sits on the frame of the centre of mass; inertia     |
+| tilt, camera_slope, gravity_error    | gravity vector; the carriage of the plate is weightless              |
+| com_offset, inertia_error            | position of the shape in the frame of the centre of mass; inertia    |
 | size_error, corner_radius            | geometry of the body                                                 |
 | surface_height                       | height of the plane or of the box                                    |
 | plate_velocity, plate_amplitude      | a carriage of `HEAVY` body masses that coasts, or swings on a spring |
@@ -18,13 +18,13 @@ so that an ellipse touches the plane in one exact point, and a box to the tolera
 | friction_slope, friction_patch, ...  | friction of each pair, set before each contact                       |
 | linear_drag, spin_damping            | damping of the joints                                                |
 | quadratic_drag, magnus               | MuJoCo's fluid forces on a sphere without added mass                 |
-| fluid_density                        | the same on the body's own ellipsoid: drag by pose, lift, added mass |
+| fluid_density                        | the same on the body's ellipsoid: drag by pose, lift, added mass     |
 | loose_mass                           | a point mass on two slides with springs and dampers in the body      |
 
 Source: MuJoCo's documentation, "Computation" (constraint model) and "Fluid forces" (ellipsoid model).
 """
 
-# MuJoCo's stubs do not have what its compiled modules define
+# MuJoCo's type stubs lack the contents of its compiled modules
 # pyright: reportAttributeAccessIssue=false
 
 import mujoco
@@ -36,20 +36,20 @@ from thesis_lib.simulate.compliant.forces import SHARP, TrueBody
 from thesis_lib.simulate.mujoco.causes import MujocoCauses
 from thesis_lib.simulate.mujoco.contact import MujocoContact, solref
 
-HEAVY = 1e6  # body masses: an impact then moves the carriage by a millionth of its Δv
+HEAVY = 1e6  # mass of the carriage in body masses: an impact changes its velocity by a millionth of the body's Δv
 DEEP = 0.5  # m, half the thickness of the box
-WIDE = 20.0  # m, half its length
-AIR = 1.2  # kg/m³, for the sphere; its coefficients make the drag what is asked for
+WIDE = 20.0  # m, half the length of the box
+AIR = 1.2  # kg/m³, density of the fluid around the sphere; its coefficients then give the required drag
 
 
 def drop_model(body: Body, contact: MujocoContact, m: MujocoCauses, gravity: float) -> mujoco.MjModel:
     """The model of one body over the plate; `body` and `gravity` (m/s²) are as believed.
 
-    Positions are x, y, θ (m, rad), then the place x, y of a loose mass in the body, then the carriage.  Friction and
-    solref of the pairs are those without causes that depend on drop or place.
+    Positions are x, y, θ (m, rad), then x, y of a loose mass relative to the body, then the carriage.  Friction and
+    solref of the pairs do not include causes that depend on drop or place.
     """
     model = mujoco.MjModel.from_xml_string(_xml(body, contact, m, gravity))
-    # added mass of the sphere that stands for drag and Magnus force
+    # no added mass of the sphere that represents drag and Magnus force
     model.geom_fluid[model.geom("air").id, 6:] = 0.0
     for pair in range(model.npair):
         model.pair_solref[pair] = solref(contact.epsilon, contact.contact_time, share(model, contact))
@@ -57,7 +57,7 @@ def drop_model(body: Body, contact: MujocoContact, m: MujocoCauses, gravity: flo
 
 
 def share(model: mujoco.MjModel, contact: MujocoContact) -> float:
-    """d' of a deep central impact over d (1), from MuJoCo's estimate of the inverse mass."""
+    """Ratio d'/d (1) of a deep central impact, from MuJoCo's estimate of the inverse mass."""
     body = model.body("body").id
     mass = model.body_subtreemass[body]
     estimate = model.body_invweight0[body, 0] + model.body_invweight0[model.geom("plate").bodyid[0], 0]
@@ -98,7 +98,7 @@ def _xml(body: Body, contact: MujocoContact, m: MujocoCauses, gravity: float) ->
 def _geoms(true: TrueBody, m: MujocoCauses) -> tuple[str, int]:
     """Geoms of the body that touch the plate, named corner0, ..., and their number."""
     grown, com, shape = true.grown, true.com, true.shape
-    # air flows around the ellipsoid only if it is asked to: two models of drag would add up
+    # the fluid acts on the ellipsoid only on request, as two models of drag would add up
     fluid = ' fluidshape="ellipsoid"' if m.fluid_density else ""
     if not isinstance(shape, Polygon):
         a, b = shape.semi_axes
@@ -121,7 +121,7 @@ def _geoms(true: TrueBody, m: MujocoCauses) -> tuple[str, int]:
 
 
 def _air(body: Body, mass: float, m: MujocoCauses) -> str:
-    """A sphere at the centre of mass on which MuJoCo's fluid acts with m c |v| v and m s ω × v.
+    """A sphere at the centre of mass on which MuJoCo's fluid exerts the forces m c |v| v and m s ω × v.
 
     MuJoCo's forces on a sphere of radius r are ρ C_D π r² |v| v (blunt drag) and ρ C_M (4/3) π r³ ω × v (Magnus).
     """
@@ -137,7 +137,7 @@ def _air(body: Body, mass: float, m: MujocoCauses) -> str:
 def _loose(mass: float, m: MujocoCauses) -> str:
     loose, w = mass * m.loose_mass, 2.0 * np.pi * m.loose_frequency
     spring = f'stiffness="{_n(w**2 * loose)}" damping="{_n(2.0 * m.loose_damping * w * loose)}"'
-    point = 1e-12 * loose  # kg m²: MuJoCo asks for some inertia
+    point = 1e-12 * loose  # kg m²: MuJoCo requires an inertia above 0
     return (
         f'<body name="loose"><joint type="slide" axis="1 0 0" {spring}/><joint type="slide" axis="0 1 0" {spring}/>'
         f'<inertial pos="0 0 0" mass="{_n(loose)}" diaginertia="{_n(point, point, point)}"/></body>'

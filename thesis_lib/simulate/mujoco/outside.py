@@ -1,25 +1,25 @@
-"""Causes without an effect of the library (`causes.OUTSIDE`) in MuJoCo: what they add to the model, or push.
+"""Causes without an effect of the library (`causes.OUTSIDE`) in MuJoCo: parts added to the model, and pushes.
 
 | cause         | in code                     | unit     |                                                           |
 |---------------|-----------------------------|----------|-----------------------------------------------------------|
-| loose_mass    | share, frequency, damping   | 1, Hz, 1 | so much of the mass hangs on three springs in the centre  |
-| two_materials | edge, friction, restitution | m, 1, 1  | beyond t_1 = edge both are so many times as large         |
-| hand          | push, share                 | m/s², 1  | it pushes for `HAND` in flight, in a share of the tosses  |
-| second_object | x, y, radius                | m        | a ball that is fixed half in the table                    |
-| light_table   | mass, frequency, damping    | 1, Hz, 1 | of so many bodies' mass, it gives way on a spring         |
+| loose_mass    | share, frequency, damping   | 1, Hz, 1 | a share of the mass hangs on three springs at the centre  |
+| two_materials | edge, friction, restitution | m, 1, 1  | beyond t_1 = edge, both change by these factors           |
+| hand          | push, share                 | m/s², 1  | a push in flight, during `HAND`, in a share of the tosses |
+| second_object | x, y, radius                | m        | a ball that is fixed, half sunk in the table              |
+| light_table   | mass, frequency, damping    | 1, Hz, 1 | the table (mass in body masses) yields on a spring        |
 """
 
 import numpy as np
 
 from thesis_lib.simulate.tosses.world import TossedWorld
 
-HAND = (0.03, 0.06)  # s after the release, in which it pushes
+HAND = (0.03, 0.06)  # s, start and end of the push after the release
 _AXES = ("1 0 0", "0 1 0", "0 0 1")
-_SMALL = 1e-9  # kg m², of what does not turn
+_SMALL = 1e-9  # kg m², inertia of parts that do not rotate
 
 
 def in_body(world: TossedWorld) -> str:
-    """What is loose in the body."""
+    """The loose mass in the body, as XML; empty if there is none."""
     mass = world.of("loose_mass.share") * world.mass
     if not mass:
         return ""
@@ -29,7 +29,7 @@ def in_body(world: TossedWorld) -> str:
 
 
 def table(world: TossedWorld) -> str:
-    """What the body falls on, and what lies there."""
+    """The table and the second object, as XML."""
     height = f"{world.height:.12g}"
     if mass := world.of("light_table.mass") * world.mass:
         # a plane cannot move in MuJoCo
@@ -45,14 +45,14 @@ def table(world: TossedWorld) -> str:
 
 
 def material(world: TossedWorld, place: np.ndarray) -> tuple[float, float]:
-    """Restitution and friction at a place (2,) in m over those of the first material."""
+    """Restitution and friction at a place (2,) in m, relative to the first material."""
     if not world.has(("two_materials",)) or place[0] < world.of("two_materials.edge"):
         return 1.0, 1.0
     return world.of("two_materials.restitution"), world.of("two_materials.friction")
 
 
 def pushes(world: TossedWorld, tosses: int) -> np.ndarray:
-    """Force (3, n) in N with which a hand pushes the bodies; the same for the same number of tosses."""
+    """Forces (3, n) in N with which a hand pushes the bodies; equal numbers of tosses give equal forces."""
     rng = np.random.default_rng(tosses)
     along = rng.standard_normal((3, tosses))
     touched = rng.random(tosses) < world.of("hand.share")

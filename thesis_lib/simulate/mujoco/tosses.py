@@ -1,15 +1,15 @@
-"""Tosses of a body in space in MuJoCo: a free joint over a plane, the engine's own contacts.
+"""Tosses of a body in space in MuJoCo: a free joint over a plane, with the engine's own contacts.
 
-MuJoCo has no friction that depends on the slip's speed, and its rolling friction shares one cone with the friction
-force: neither is made here.  What depends on the place, the face, the speed or the number of the hit is set while
-nothing touches, at most `PIECE` before the touch.
+MuJoCo has no friction that depends on the speed of the slip, and its rolling friction shares one cone with the friction
+force; neither is simulated here.  Coefficients that depend on the place, the face, the speed or the number of the hit
+are set while nothing touches, at most `PIECE` before the touch.
 
-MuJoCo's contact begins with the step after the touch, so that what a hit returns hangs on where in a step it touches:
-with 40 steps in a contact restitution scatters by 1.4 %, which no model of the contact can know.  During a hit steps
-are therefore finer by `FINER`.
+MuJoCo's contact begins with the step after the touch; the restitution therefore depends on the instant of touch within
+a step: with 40 steps per contact it scatters by 1.4 %, which no contact model can predict.  Time steps during a hit are
+therefore smaller by the factor `FINER`.
 """
 
-# MuJoCo's stubs do not have what its compiled modules define
+# MuJoCo's type stubs lack the contents of its compiled modules
 # pyright: reportAttributeAccessIssue=false
 
 from dataclasses import dataclass
@@ -34,17 +34,17 @@ BY_TOUCH = (
     *("position_dependent_friction", "orientation_dependent_friction"),
     *("later_restitution", "later_friction", "sliding_friction", "two_materials"),
 )
-PIECE = 5e-4  # s, in which air and coefficients do not change
+PIECE = 5e-4  # s, interval in which the forces of the air and the coefficients are held constant
 MESH = "hull"
-STEP = 1e-4  # s at most
-FINER = 8  # steps during a hit for one elsewhere
-OVER = 2.0  # contact times after a hit began, when it is over
+STEP = 1e-4  # s, largest time step
+FINER = 8  # number of steps during a hit that replace one step elsewhere
+OVER = 2.0  # contact times from the start of a hit after which it is over
 
 
 @dataclass(frozen=True)
 class MujocoTosses:
-    """MuJoCo: its cone of friction, impratio, the impedance of solimp at the touch and deep, and steps in the time of
-    one contact where a body rests or slides."""
+    """MuJoCo as the engine of tosses: its friction cone, impratio, the impedance of solimp at the touch and at depth,
+    and time steps per contact time while a body rests or slides."""
 
     cone: Literal["elliptic", "pyramidal"] = "elliptic"
     impratio: float = 10.0
@@ -53,7 +53,7 @@ class MujocoTosses:
 
     def moves(self, world: TossedWorld, release: State, times: np.ndarray) -> State:
         if world.has(NOT_IN_MUJOCO):
-            raise UserError(f"MuJoCo has no element for {listed(list(NOT_IN_MUJOCO), 'or')}; take our own simulator.")
+            raise UserError(f"MuJoCo has no element for {listed(list(NOT_IN_MUJOCO), 'or')}; use our own simulator.")
         step = min(world.contact_time / self.steps, STEP)
         model = mujoco.MjModel.from_xml_string(self._xml(world, step))
         data, follow = mujoco.MjData(model), _Changes(world, model)
@@ -75,7 +75,7 @@ class MujocoTosses:
         return State(SPACE.shift(pose, ahead * motion), motion, trial, times.ravel(), None, SPACE)
 
     def _xml(self, world: TossedWorld, step: float) -> str:
-        """The model, its joint at the origin of the shape's frame."""
+        """The model as XML; its joint is at the origin of the shape's frame."""
         rig, turning = world.rig, world.of("torsional_friction.m_t")
         shell = world.mass * (1.0 - world.of("loose_mass.share"))
         moments = world.mass * rig.body.inertia_per_mass[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]
@@ -102,7 +102,7 @@ def _text(values) -> str:
 
 
 def _geoms(solid: Solid) -> str:
-    """The shape; of one with rounded edges the balls with which it can touch a plane."""
+    """The geoms of the shape; if its edges are rounded, only the balls with which it can touch a plane."""
     points = solid.minkowski
     if isinstance(solid, Box | Hull) and points.radius:
         return "\n".join(
@@ -119,19 +119,19 @@ def _geoms(solid: Solid) -> str:
     elif isinstance(solid, Capsule | Cylinder):
         size = (solid.radius, solid.half_length)
     else:
-        raise UserError("MuJoCo tosses a box, sphere, ellipsoid, cylinder, capsule or hull.")
+        raise UserError("Tosses in MuJoCo need a box, sphere, ellipsoid, cylinder, capsule or hull.")
     return f'<geom type="{solid.kind}" size="{_text(size)}"/>'
 
 
 def _meshes(solid: Solid) -> str:
-    """The vertices of a sharp hull, whose frame MuJoCo moves to its centre, and back where it is used."""
+    """The vertices of a sharp hull; MuJoCo moves the frame of a mesh to its centre, and back where the mesh is used."""
     if not isinstance(solid, Hull) or solid.edge_radius:
         return ""
     return f'<asset><mesh name="{MESH}" vertex="{_text(solid.corners.T.ravel())}"/></asset>'
 
 
 class _Changes:
-    """Quantities that must be set while a body moves: air, and coefficients that the next touch will have."""
+    """Quantities that must be set while a body moves: forces of the air, and coefficients of the next touch."""
 
     def __init__(self, world: TossedWorld, model) -> None:
         self.world, self.model = world, model
@@ -146,17 +146,17 @@ class _Changes:
         self.later = world.of("later_restitution.d"), world.of("later_friction.d")
         self.sliding = world.of("sliding_friction.d_mu")
         self.reach = float(world.rig.body.solid.extent)
-        self.epsilon = world.epsilon  # that of the model
+        self.epsilon = world.epsilon  # restitution that is currently set in the model
         self.begin(np.zeros(3))
 
     def begin(self, hand: np.ndarray) -> None:
-        """A new toss, in which a hand pushes the body with this force (3,) in N."""
+        """Begin a new toss, in which a hand pushes the body with this force (3,) in N."""
         self.hand = hand
         self.first = self.hit = -1.0
         self.fine_until = 0.0
 
     def until(self, data, done: int, wanted: int, step: float) -> int:
-        """Step `data` from so many steps to so many."""
+        """Advance `data` from `done` steps to `wanted` steps; return the number of steps done."""
         piece = max(1, int(PIECE / step))
         while done < wanted:
             t, part = done * step, min(piece, wanted - done)
@@ -168,13 +168,13 @@ class _Changes:
             self.model.opt.timestep = step / finer
             for _ in range(1 if finer == 1 else part * finer):
                 mujoco.mj_step(self.model, data, part if finer == 1 else 1)
-                if data.ncon and self.first < 0.0:  # a short contact is over before the next `_set`
+                if data.ncon and self.first < 0.0:  # a short contact may be over before the next `_set`
                     self.first = t
             done += part
         return done
 
     def _hits_within(self, data, time: float) -> bool:
-        """Whether a point of the body may hit the surface within `time` in s, or does so."""
+        """Return whether a point of the body hits the surface, or may hit it within `time` in s."""
         _, spin, r = self._points(data)
         falling = -(data.qvel[2] + spin[0] * r[1] - spin[1] * r[0])
         gap = data.qpos[2] + r[2] - self.world.height
@@ -183,7 +183,7 @@ class _Changes:
         return bool((reached & (falling + bends * time > HIT)).any())
 
     def _points(self, data) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """R (3, 3), ω (3,) in rad/s, and the points (3, p) in m from the body's origin with which it may touch."""
+        """R (3, 3), ω (3,) in rad/s, and the points (3, p), in m from the body's origin, that may touch."""
         R = rotation_matrix(data.qpos[3:, None])[..., 0]
         points = self.outline.support(-R[2][:, None], np.arange(self.outline.centres.shape[1]))
         return R, R @ data.qvel[3:6], R @ points

@@ -1,1 +1,1 @@
-"""Shared by all simulated drops: releases, hidden causes, the camera."""
+"""Shared by all simulated drops: releases, hidden causes, camera and tracker."""

@@ -1,17 +1,17 @@
-"""Camera reports of true poses: faults, optics, noise, and the wobble of a body out of its plane.
+"""Poses as a camera reports them: faults and optics of the camera, and the wobble of a body out of its plane.
 
     x_m = (1 + s) X + d t,   y_m = (1 + s) Y,   θ_m(t) = ± (θ(t − lag) + β) + δ
 
-(X, Y) is where the optics show the tracked point x + R(θ) (d_x, d_y), in this order:
+(X, Y) is the position at which the optics show the tracked point x + R(θ) (d_x, d_y), after these steps:
 
-    pose            z ← e^{iβ} z,   β = roll + slope,   z = x + i y; what turns about the origin turns θ, too
+    pose            z ← e^{iβ} z,   β = roll + slope,   z = x + i y; this rotation is added to θ, too
     skew            x ← x + s y
-    pitch           (x, y) ← (x, y) / (1 + p y), as of a camera that looks up or down
+    pitch           (x, y) ← (x, y) / (1 + p y), for a camera that looks up or down
     lens            about (0, h):  z ← z + k |z|² z
 
 A wobble after an impact displaces the tracked frame along the direction of its x axis at the impact, by w = a Δv_n
-cos(β − axis) exp(−t/T) sin(2π f t).  Here t is the time since the impact and β the place that was hit, as the lever out
-of the plane varies over the body.  θ is displaced by w/2 over the radius of gyration.
+cos(β − axis) exp(−t/T) sin(2π f t).  Here t is the time since the impact and β the place of the impact on the body (the
+lever out of the plane varies over the body).  θ is displaced by w/2 over the radius of gyration.
 
 All arrays in SI units; poses (n, samples, 3) are x, y, θ of the body's origin.
 """
@@ -24,7 +24,7 @@ from thesis_lib.simulate.rig.hidden_causes import HiddenCauses
 
 
 def wobble(impacts: pd.DataFrame, times: np.ndarray, n: int, m: HiddenCauses, k_g: float) -> np.ndarray:
-    """Displacement (n, samples, 3) of the reported poses at `times` (samples,) after the true `impacts`."""
+    """Displacement (n, samples, 3) of the reported poses at `times` (samples,) by wobbles after the true `impacts`."""
     out = np.zeros((n, len(times), 3))
     if m.wobble == 0.0 or not len(impacts):
         return out
@@ -40,10 +40,10 @@ def wobble(impacts: pd.DataFrame, times: np.ndarray, n: int, m: HiddenCauses, k_
 
 
 def reported(poses: np.ndarray, lagged_theta: np.ndarray, times: np.ndarray, m: HiddenCauses) -> np.ndarray:
-    """Poses (n, samples, 3) as the camera of `m` reports them, without noise.
+    """Poses (n, samples, 3) as the camera with the hidden causes `m` reports them, without noise.
 
-    `poses` are the true poses at `times` (samples,) in s, `lagged_theta` (n, samples) the true θ in rad at `times` less
-    the lag.
+    `poses` are the true poses at `times` (samples,) in s, `lagged_theta` (n, samples) is the true θ in rad at `times`
+    minus the lag.
     """
     beta, middle = m.camera_roll + m.camera_slope, 1j * m.lens_height
     z = poses[..., 0] + 1j * poses[..., 1]
@@ -60,7 +60,7 @@ def reported(poses: np.ndarray, lagged_theta: np.ndarray, times: np.ndarray, m: 
 
 
 def as_trajectories(poses: np.ndarray, times: np.ndarray) -> pd.DataFrame:
-    """Long table of poses (n, samples, 3) without samples after the end of a recording (NaN)."""
+    """Long table of poses (n, samples, 3), without samples after the end of a recording (NaN)."""
     n = len(poses)
     table = pd.DataFrame({"trial": np.repeat(np.arange(n), len(times)), "t": np.tile(times, n)})
     table[list(POSE)] = poses.reshape(-1, 3)

@@ -1,9 +1,9 @@
 """Causes that can be hidden in tosses of a body in space: in the body, around it, and in the camera.
 
-A cause has the name, the parameters and the meaning of an effect: true minus believed.  It is written without the
-effects, so that what is hidden is not what is fitted.  Causes of body, marker, table and gravity are a rig that differs
-from the stated one (`true_rig`); those of the air push the body (`air`); those of the camera change what is reported of
-the tracked frame T (`filmed`), in the axes of the recording W.
+A cause has the name, the parameters and the meaning of an effect: true minus believed value.  It is implemented
+independently of the effects, to keep the hidden code separate from the fitted code.  Causes in body, marker, table and
+gravity change the rig from the stated one (`true_rig`); causes in the air push the body (`air`); causes in the camera
+change the reported motion of the tracked frame T (`filmed`), in the axes of the recording W.
 
 | on paper | in code                       | unit       |                                                       |
 |----------|-------------------------------|------------|-------------------------------------------------------|
@@ -36,12 +36,12 @@ from thesis_lib.mechanics.state import State
 from thesis_lib.statistics.wording import listed
 
 Hidden = Mapping[str, float]
-READINGS = ("conjugate", "scalar_last", "sign_of_x", "sign_of_y", "sign_of_z")  # 1, 2, … of `misread_rotation`
+READINGS = ("conjugate", "scalar_last", "sign_of_x", "sign_of_y", "sign_of_z")  # sizes 1, 2, … of `misread_rotation`
 
 
 @dataclass(frozen=True)
 class CauseInSpace:
-    """A cause: its effect's parameters by name, with sizes that a critique of 60 tosses should see, and its unit."""
+    """A cause: sizes of its effect's parameters that a critique of 60 tosses should detect, with unit and meaning."""
 
     sizes: Mapping[str, float]
     unit: str
@@ -50,24 +50,24 @@ class CauseInSpace:
 
 CAUSES_IN_SPACE: Mapping[str, CauseInSpace] = {
     "com_offset": CauseInSpace({"c_x": 2e-3}, "m", "true minus believed centre of mass, axes of the shape"),
-    "wrong_inertia": CauseInSpace({"d_I": 0.2}, "1", "the whole inertia times 1 + d_I"),
+    "wrong_inertia": CauseInSpace({"d_I": 0.2}, "1", "all moments of inertia times 1 + d_I"),
     "inertia_ratios": CauseInSpace({"a_y": 0.15, "a_z": 0.0}, "1", "I_yy and I_zz of the principal axes times 1 + a"),
     "inertia_axes": CauseInSpace(
-        {"b_x": 0.0, "b_y": 0.0, "b_z": 0.15}, "rad", "the principal axes are turned by exp(b), axes of the shape"
+        {"b_x": 0.0, "b_y": 0.0, "b_z": 0.15}, "rad", "the principal axes are rotated by exp(b), axes of the shape"
     ),
     "wrong_size": CauseInSpace({"s": 0.03}, "1", "all lengths of the shape times 1 + s"),
-    "rounded_corners": CauseInSpace({"rho": 3e-3}, "m", "edge radius beyond that which is stated"),
+    "rounded_corners": CauseInSpace({"rho": 3e-3}, "m", "edge radius in excess of the stated one"),
     "marker_offset": CauseInSpace(
         {"d_x": 2e-3}, "m", "true minus stated origin of the tracked frame, axes of the shape"
     ),
-    "angle_offset": CauseInSpace({"d_ry": 0.03}, "rad", "the tracked frame is turned on the body by exp(d)"),
-    "surface_height": CauseInSpace({"h": 1.5e-3}, "m", "of the table, along its normal"),
+    "angle_offset": CauseInSpace({"d_ry": 0.03}, "rad", "the tracked frame is rotated on the body by exp(d)"),
+    "surface_height": CauseInSpace({"h": 1.5e-3}, "m", "true minus stated height of the table, along its normal"),
     "curved_surface": CauseInSpace(
         {"kappa": 0.15, "x_0": 0.0, "y_0": 0.0}, "1/m", "the table is a bowl, lowest at (x_0, y_0) from its point"
     ),
     "moving_surface": CauseInSpace({"V_x": 0.2, "V_y": 0.0}, "m/s", "velocity of the table along its axes"),
     "anisotropic_friction": CauseInSpace(
-        {"a_c": 0.3, "a_s": 0.0}, "1", "friction μ (1 + a) along t_1 and μ (1 − a) across; a_s: along the diagonals"
+        {"a_c": 0.3, "a_s": 0.0}, "1", "friction μ (1 + a) along t_1, μ (1 − a) across; a_s: along the diagonals"
     ),
     "orientation_dependent_contact_time": CauseInSpace(
         {"a_x": 0.0, "a_y": 0.0, "a_z": 0.5}, "1", "contact time times exp(a·u), u towards the table, axes of the shape"
@@ -76,31 +76,31 @@ CAUSES_IN_SPACE: Mapping[str, CauseInSpace] = {
         {"g_tau_x": 1.5, "g_tau_y": 0.0}, "1/m", "contact time times (1 − 2 g·x)^(−1/2), x on the table from its point"
     ),
     "surface_tilt": CauseInSpace({"phi_x": 0.04}, "rad", "gravity is g (sin φ_x, sin φ_y, …) in the axes of the table"),
-    "wrong_gravity": CauseInSpace({"dg": -0.3}, "m/s²", "along believed gravity"),
+    "wrong_gravity": CauseInSpace({"dg": -0.3}, "m/s²", "true minus believed gravity, along believed gravity"),
     "linear_drag": CauseInSpace({"c_v": 0.25, "c_w": 0.0}, "1/s", "a = −c_v v, α = −c_w ω"),
     "spin_damping": CauseInSpace({"c_w": 0.5}, "1/s", "α = −c_w ω"),
     "quadratic_drag": CauseInSpace({"c_q": 0.15}, "1/m", "a = −c_q |v| v"),
     "magnus": CauseInSpace({"k_m": 0.03}, "1", "a = k_m ω × v"),
     "length_scale": CauseInSpace({"s_L": 0.02}, "1", "measured lengths from the table's point times 1 + s_L"),
     "rotation_scale": CauseInSpace({"s_R": 0.02}, "1", "measured angular rates times 1 + s_R, from the first frame on"),
-    "time_lag": CauseInSpace({"lag": 4e-3}, "s", "orientation behind position"),
+    "time_lag": CauseInSpace({"lag": 4e-3}, "s", "delay of orientation relative to position"),
     "camera_pose": CauseInSpace(
-        {"b_x": 0.0, "b_y": 0.02}, "rad", "measured axes turned by exp(b) about the table's point"
+        {"b_x": 0.0, "b_y": 0.02}, "rad", "measured axes rotated by exp(b) about the table's point"
     ),
     "lens": CauseInSpace(
         {"k_1": 0.3, "c_u": 0.0, "c_v": 0.0},
         "1/m²",
-        "x and y of W from the table's point + (c_u, c_v) times 1 + k_1 r², r the distance in them",
+        "x and y of W from the table's point + (c_u, c_v) times 1 + k_1 r², r: the distance in x and y",
     ),
     "mirrored_rotation": CauseInSpace(
-        {"mirrored_axis": 1.0}, "1", "R as M R M; 1, 2, 3: M mirrors the x, y, z axis of W"
+        {"mirrored_axis": 1.0}, "1", "R is reported as M R M; 1, 2, 3: M mirrors the x, y, z axis of W"
     ),
     "misread_rotation": CauseInSpace({"reading": 1.0}, "1", f"1 to {len(READINGS)}: {listed(READINGS)}"),
 }
 
 
 def sizes_of(name: str, size: float | None = None) -> dict[str, float]:
-    """The sizes of a cause by effect and parameter; `size` is that of the first parameter, "nothing" has none.
+    """Sizes of a cause by effect and parameter, {} for "nothing"; `size`: of the first that is not 0, others then 0.
 
     Raises:
         UserError: there is no such cause.
@@ -116,8 +116,8 @@ def sizes_of(name: str, size: float | None = None) -> dict[str, float]:
 
 
 def text_of_space() -> str:
-    """Causes that can be hidden in space, with size and meaning, a line each."""
-    lines = ["with --space (first parameter that is not 0):"]
+    """Causes that can be hidden in space, with size and meaning, one per line."""
+    lines = ["with --space (size of the first parameter that is not 0):"]
     for name, cause in CAUSES_IN_SPACE.items():
         size = next(value for value in cause.sizes.values() if value)
         lines.append(f"  {name:<34} {size:g}{'' if cause.unit == '1' else f' {cause.unit}'}   {cause.meaning}")
@@ -125,7 +125,7 @@ def text_of_space() -> str:
 
 
 def true_rig(header: SpaceHeader, hidden: Hidden) -> SpaceHeader:
-    """Body, tracked frame, table and gravity as they are, where the dataset states `header`.
+    """True body, tracked frame, table and gravity of a rig for which the dataset states `header`.
 
     Raises:
         UserError: the shape has no edges that could be rounded.
@@ -137,7 +137,7 @@ def true_rig(header: SpaceHeader, hidden: Hidden) -> SpaceHeader:
     principal = principal * (1.0 + np.array([0.0, get("inertia_ratios.a_y"), get("inertia_ratios.a_z")]))
     axes = rotation_matrix(of_rotation_vector(_vector(get, "inertia_axes.b_"))) @ axes
     tensor = (body.mass or 1.0) * (axes * principal) @ axes.T
-    if s := get("wrong_size.s"):  # about the centre of mass, which stays where the tracked frame sees it
+    if s := get("wrong_size.s"):  # about the centre of mass, which keeps its place in the tracked frame
         shape = shape.scaled(1.0 + s)
     grown = s * body.centre
     if rho := get("rounded_corners.rho"):
@@ -172,7 +172,7 @@ def true_rig(header: SpaceHeader, hidden: Hidden) -> SpaceHeader:
 
 
 def air(hidden: Hidden, velocity: np.ndarray, spin: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Acceleration and angular acceleration (3, n) in m/s², rad/s² by the air, of centres of mass that move so."""
+    """Acceleration and angular acceleration (3, n) in m/s², rad/s² due to the air, for velocity and spin (3, n)."""
     get = _getter(hidden)
     speed = np.sqrt((velocity**2).sum(axis=0))
     a = -(get("linear_drag.c_v") + get("quadratic_drag.c_q") * speed) * velocity
@@ -180,7 +180,7 @@ def air(hidden: Hidden, velocity: np.ndarray, spin: np.ndarray) -> tuple[np.ndar
 
 
 def filmed(true: State, header: SpaceHeader, hidden: Hidden) -> State:
-    """Poses that a faulty camera reports of the tracked frame, from its true motions in W; rows by trial and time."""
+    """Poses of the tracked frame as a faulty camera reports them, from true motions in W; rows by trial and time."""
     get, (frame,) = _getter(hidden), surface_frames(header)
     about, q = frame.origin[:, None], true.attitude
     if lag := get("time_lag.lag"):
@@ -207,7 +207,7 @@ def filmed(true: State, header: SpaceHeader, hidden: Hidden) -> State:
 
 
 def _rates_scaled(q: np.ndarray, trial: np.ndarray, factor: float) -> np.ndarray:
-    """Attitudes (4, n) whose turns from frame to frame, about axes of W, are `factor` times those of q."""
+    """Attitudes (4, n) whose rotations from frame to frame, about axes of W, are `factor` times those of q."""
     made = q.copy()
     step = multiplied(q[:, 1:], conjugate(q[:, :-1]))
     step = step * np.where(step[:1] < 0.0, -1.0, 1.0)

@@ -1,4 +1,4 @@
-"""Output of simulated drops: a dataset as its owner would have it, and the truth.
+"""Output of simulated drops: a dataset as its owner would have it, and the ground truth.
 
 All engines (time stepping, compliant contact, Drake, MuJoCo) return `DropsWithTruth` and add columns to the truth.
 Arrays hold n drops or contacts in SI units; poses are x, y, θ of the body's origin.
@@ -22,24 +22,24 @@ CONTACT = ("trial", "impact", "t", *POSE, *V_PRE, *V_POST, "r_x", "r_y", "c_t", 
 
 @dataclass(frozen=True)
 class DropsWithTruth:
-    """Simulated drops as a rig records them, and what truly happened."""
+    """Simulated drops as a rig records them, and the ground truth."""
 
-    header: Header  # content of dataset.yaml as the user believes it, without hidden causes
+    header: Header  # content of dataset.yaml as its owner believes it, without hidden causes
     trajectories: pd.DataFrame  # trial,t,x,y,theta as the camera reports them, with noise, sorted by trial and t
     # the truth, a row per contact: columns of impacts.csv for the body's origin, t (of the touch), r_x, r_y (contact
-    # point from the origin), c_t, c_n (N s), energy_change (J, kinetic), and those of the engine
+    # point from the origin), c_t, c_n (N s), energy_change (J, kinetic), and further columns of the engine
     impacts: pd.DataFrame
     trials: pd.DataFrame  # the truth, a row per drop: release x,y,theta,vx,vy,omega of the origin, and more
 
 
 def check_request(body: Body, release: Release, reach: float, **positive: float) -> None:
-    """Refuse drops that cannot be simulated.
+    """Raise UserError for drops that cannot be simulated.
 
-    `reach` (m) bounds how far any part of the body, or the surface, can be from its believed place.  Raises UserError
-    if the body has no mass, a value of `positive` is not positive and finite, or a release can touch the surface.
+    Reasons: the body has no mass, a value of `positive` is not positive and finite, or a release can touch the surface.
+    `reach` (m): largest distance from the body's origin to any part of the body, plus the surface's largest height.
     """
     if body.mass is None:
-        raise UserError("Simulated drops need the body's mass; give `mass` in kg in the body section.")
+        raise UserError("Simulated drops need the mass of the body; give `mass` in kg in the body section.")
     for name, value in positive.items():
         if not 0 < value < np.inf:
             raise UserError(f"Simulated drops need a positive {name}; got {value}.")
@@ -67,8 +67,8 @@ def as_dataset(
 ) -> tuple[Header, pd.DataFrame]:
     """Header and trajectories of reported poses (n, samples, 3), to which `noise` is added.
 
-    With a `tracker` the poses are those in its pictures, and the header states no noise: the rig's owner sees only what
-    is written.
+    If a `tracker` is given, the poses are those in its pictures, and the header states no noise, as the owner of the
+    rig sees only the recorded poses.
     """
     poses, stated = (tracker or Tracker()).record(poses, noise, rate, rng), None if tracker else noise
     header = Header(schema=1, description=description, body=body, gravity=gravity, rate=rate, noise=stated)  # pyright: ignore[reportCallIssue]

@@ -13,7 +13,7 @@ MOTION = ("vx", "vy", "omega")
 
 
 class Spread(Section):
-    """A random quantity: uniform in [low, high], or normal(mean, std) truncated to it if both are given."""
+    """A random quantity: uniform in [low, high], or normal(mean, std) truncated to [low, high] if both are given."""
 
     low: float = Finite
     high: float = Finite
@@ -37,7 +37,7 @@ class Spread(Section):
 
 
 class Release(Section):
-    """States from which the body is let go, at x = 0 and with v_y = 0.
+    """States from which the body is released, at x = 0 and with v_y = 0.
 
     The defaults give pre-impact velocities like those of the 1,718 published impacts: v_x 0.14..1.13 (mean 0.60,
     sd 0.155) m/s, v_y -2.87..-2.21 (mean -2.57) m/s, ω -14..25 (mean -1.1, sd 6.1) rad/s.
@@ -49,7 +49,7 @@ class Release(Section):
     omega: Spread = Field(Spread(low=-14.3, high=25.3, mean=-1.4, std=6.5), description="rad/s")
 
     def draw(self, n: int, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
-        """Poses q (n, 3) and velocities v (n, 3) of n releases; the first ones do not depend on n."""
+        """Draw poses q (n, 3) and velocities v (n, 3) of n releases; earlier releases do not depend on n."""
         moving = [i for i, name in enumerate(MOTION) if hasattr(self, name)]
         u = rng.random((n, 2 + len(moving)))  # row by row: one row per drop
         q, v = np.zeros((n, 3)), np.zeros((n, 3))

@@ -1,28 +1,27 @@
-"""Filters with which motion capture smooths poses, on recordings of different lengths.
+"""Filters by which motion capture smooths poses, for recordings of different lengths.
 
-| name                     | what it does                                                                              |
+| name                     | operation                                                                                 |
 |--------------------------|-------------------------------------------------------------------------------------------|
-| `moving_average`         | mean of N poses about each one, N odd; gain |sin(π N f/f_s) / (N sin(π f/f_s))|           |
-| `median`                 | median of as many poses about each one, each channel for itself                           |
-| `butterworth`            | second-order Butterworth filter, as a tracker runs it: what it writes comes late          |
+| `moving_average`         | mean of N poses about each pose, N odd; gain |sin(π N f/f_s) / (N sin(π f/f_s))|          |
+| `median`                 | median of the same number of poses about each pose, separately in each channel            |
+| `butterworth`            | second-order Butterworth filter, run causally as in a tracker: its output is delayed      |
 | `zero_phase_butterworth` | the same forwards and backwards (`filtfilt`): its gain is the square                      |
 | `kalman_smoother`        | Rauch-Tung-Striebel smoother of constant acceleration, driven by white jerk of density q  |
 
-All but the median have the gain 1/√2 at the cutoff f_c.  For the smoother of samples with unit noise, Δt apart, the
-gain is 1/(1 + ω⁶ Δt/q), so q = Δt ω_c⁶/(√2 − 1).  `low_pass` is the first-order filter T ẏ + y = x in continuous time.
-
-Ends are extended by a reflection in the end point, as `scipy.signal.filtfilt` does.
+All except the median have the gain 1/√2 at the cutoff f_c.  For samples with unit noise at intervals Δt, the smoother
+has the gain 1/(1 + ω⁶ Δt/q); hence q = Δt ω_c⁶/(√2 − 1).  `low_pass` is the first-order filter T ẏ + y = x in
+continuous time.  Ends are extended by a reflection in the end point, as in `scipy.signal.filtfilt`.
 
 Source: Rauch, Tung and Striebel 1965, doi 10.2514/3.3166.
 """
 
 import numpy as np
 
-SQUARED = (np.sqrt(2.0) - 1.0) ** 0.25  # cutoff of a Butterworth filter over that of its square (second order)
+SQUARED = (np.sqrt(2.0) - 1.0) ** 0.25  # cutoff of a squared second-order Butterworth filter over that of the filter
 
 
 def smoothed(poses: np.ndarray, kind: str, cutoff: float, rate: float) -> np.ndarray:
-    """Poses (n, samples, c) taken `rate` times a second, smoothed; recordings end where a pose is NaN."""
+    """Smoothed poses (n, samples, c), sampled at `rate` in Hz; recordings end where a pose is NaN."""
     length = np.isfinite(poses).all(axis=2).sum(axis=1)
     if kind == "kalman_smoother":
         return _kalman_smoother(poses, length, cutoff, rate)
@@ -37,12 +36,12 @@ def _filtered(poses: np.ndarray, kind: str, cutoff: float, rate: float) -> np.nd
     from scipy.signal import butter
 
     size = poses.shape[1]
-    pad = min(size - 1, int(np.ceil(rate / cutoff)))  # in a period of the cutoff a transient falls to 1 %
+    pad = min(size - 1, int(np.ceil(rate / cutoff)))  # within a period of the cutoff a transient decays to 1 %
     before = 2.0 * poses[:, :1] - poses[:, pad:0:-1]
     after = 2.0 * poses[:, -1:] - poses[:, -2 : -pad - 2 : -1]
     x = np.concatenate([before, poses, after], axis=1)
     if kind in ("moving_average", "median"):
-        # gain of N poses: 1/√2 at f_s 0.443 / √(N² − 1)
+        # the gain of N poses is 1/√2 at f_s 0.443 / √(N² − 1)
         n = 1 + 2 * max(1, round((np.sqrt(1.0 + (0.443 * rate / cutoff) ** 2) - 1.0) / 2.0))
         if kind == "median":
             from scipy.ndimage import median_filter
@@ -52,7 +51,7 @@ def _filtered(poses: np.ndarray, kind: str, cutoff: float, rate: float) -> np.nd
         y = (total[:, n:] - total[:, :-n]) / n
     else:
         both = kind == "zero_phase_butterworth"
-        warped = np.tan(np.pi * cutoff / rate) / (SQUARED if both else 1.0)  # of the bilinear transform
+        warped = np.tan(np.pi * cutoff / rate) / (SQUARED if both else 1.0)  # frequency of the bilinear transform
         b, a = np.asarray(butter(2, rate / np.pi * np.arctan(warped), fs=rate))
         y = _causal(b, a, x)
         if both:
@@ -61,8 +60,8 @@ def _filtered(poses: np.ndarray, kind: str, cutoff: float, rate: float) -> np.nd
 
 
 def _causal(b: np.ndarray, a: np.ndarray, x: np.ndarray) -> np.ndarray:
-    """The filter along the samples of x (n, samples, c), as if the first one had lasted for ever."""
-    from scipy.signal import lfilter  # late: it takes half a second
+    """Apply the filter along the samples of x (n, samples, c), as if the first sample had been constant before."""
+    from scipy.signal import lfilter  # imported late: it takes half a second
 
     first = x[:, :1]
     return np.asarray(lfilter(b, a, x - first, axis=1)) + first
@@ -74,7 +73,7 @@ def _kalman_smoother(poses: np.ndarray, length: np.ndarray, cutoff: float, rate:
     F = np.array([[1.0, h, h * h / 2.0], [0.0, 1.0, h], [0.0, 0.0, 1.0]])
     power = np.array([[h**5 / 20, h**4 / 8, h**3 / 6], [h**4 / 8, h**3 / 3, h**2 / 2], [h**3 / 6, h**2 / 2, h]])
     Q = power * h * omega**6 / (np.sqrt(2.0) - 1.0)
-    P = np.diag([1.0, omega**2, omega**4]) * 1e6  # nothing is known of the first state
+    P = np.diag([1.0, omega**2, omega**4]) * 1e6  # the first state is unknown
     state = np.zeros((n, 3, channels))  # drop, pose and its derivatives, channel
     state[:, 0] = poses[:, 0]
     states, spreads = [], []
@@ -99,16 +98,16 @@ def _kalman_smoother(poses: np.ndarray, length: np.ndarray, cutoff: float, rate:
 
 
 def low_pass(poses: np.ndarray, times: np.ndarray, velocity: np.ndarray, constant: float) -> np.ndarray:
-    """y of T ẏ + y = x, T = `constant` in s, at `times` (m,) in s of straight lines between the poses x (n, m, 3).
+    """Solution y of T ẏ + y = x, T = `constant` in s, at `times` (m,) in s, where x joins the poses (n, m, 3) linearly.
 
-    `velocity` (n, 3) is that of the body before the first pose.
+    `velocity` (n, 3) is the velocity of the body before the first pose.
     """
     out = np.empty_like(poses)
     late = poses[:, 0] - constant * velocity
     out[:, 0] = late
     for k, h in enumerate(np.diff(times), start=1):
         slope = (poses[:, k] - poses[:, k - 1]) / h
-        # the line's own response, x − T ẋ, and a remainder that decays
+        # response to the line, x − T ẋ, and a decaying remainder
         remainder = (late - poses[:, k - 1] + constant * slope) * np.exp(-h / constant)
         late = poses[:, k] - constant * slope + remainder
         out[:, k] = late

@@ -1,13 +1,13 @@
 """Recording of poses by a tracker: noise with memory, filters, lost frames, outliers, few digits.
 
-Cameras take `frames` pictures for each pose that is written, of poses that may have passed a first-order filter of time
-constant T (`smoothing.low_pass`, which the simulator applies).  Each picture has noise e = σ (f_x, f_y, f_θ) u, where u
-is white or, with a correlation time t_c, first-order autoregressive, and may wander slowly:
+Cameras take `frames` pictures for each pose that is written; the true poses may first pass a first-order filter of time
+constant T (`smoothing.low_pass`, applied by the simulator).  Each picture has noise e = σ (f_x, f_y, f_θ) u, where u is
+white or, with a correlation time t_c, first-order autoregressive, and may drift slowly (`wander`):
 
     u_k = ρ u_{k−1} + √(1 − ρ²) w_k,   ρ = exp(−Δt/t_c),   w white                                           (AR(1))
 
-A filter (`smoothing`) smooths the poses, every `frames`-th of them is rounded, and some are not written at all.  The
-defaults write what is seen.
+A filter (`smoothing`) smooths the poses, every `frames`-th pose is rounded, and some poses are not written at all.  By
+default the poses are written as seen.
 """
 
 from typing import Literal
@@ -23,31 +23,31 @@ FilterName = Literal["none", "moving_average", "median", "butterworth", "zero_ph
 
 
 class Tracker(Section):
-    """How poses are recorded; the defaults change nothing."""
+    """Settings of the recording of poses; the defaults change nothing."""
 
     frames: int = Field(1, ge=1, le=20, description="pictures for each pose that is written")
     time_constant: float = Field(0.0, ge=0, le=0.05, description="T of a filter T ẏ + y = x before the pictures, s")
-    filter: FilterName = Field("none", description="what smooths the poses before they are written")
-    cutoff: float = Field(40.0, gt=0, allow_inf_nan=False, description="Hz; there the filter's gain is 1/√2")
+    filter: FilterName = Field("none", description="filter that smooths the poses before they are written")
+    cutoff: float = Field(40.0, gt=0, allow_inf_nan=False, description="Hz, at which the filter's gain is 1/√2")
     noise_factors: tuple[float, float, float] = Field((1.0, 1.0, 1.0), description="on the noise of x, y, θ")
-    correlation_time: float = Field(0.0, ge=0, allow_inf_nan=False, description="of the noise, s; 0: white")
-    wander: float = Field(0.0, ge=0, allow_inf_nan=False, description="slow part of the noise over the fast one, 1")
-    wander_time: float = Field(0.3, gt=0, allow_inf_nan=False, description="its correlation time, s")
+    correlation_time: float = Field(0.0, ge=0, allow_inf_nan=False, description="of the noise, s; 0: white noise")
+    wander: float = Field(0.0, ge=0, allow_inf_nan=False, description="slow part of the noise over the fast part, 1")
+    wander_time: float = Field(0.3, gt=0, allow_inf_nan=False, description="correlation time of the slow part, s")
     outliers: float = Field(0.0, ge=0, lt=1, description="share of pictures with a wrong pose")
-    outlier_size: float = Field(20.0, ge=0, allow_inf_nan=False, description="one sigma of it over that of the noise")
+    outlier_size: float = Field(20.0, ge=0, allow_inf_nan=False, description="one sigma of outliers over the noise's")
     dropped: float = Field(0.0, ge=0, lt=1, description="share of poses that are not written")
     bursts: float = Field(0.0, ge=0, le=1, description="share of trials in which a run of poses is lost")
-    burst_length: int = Field(10, ge=1, description="poses in that run")
-    position_step: float = Field(0.0, ge=0, allow_inf_nan=False, description="x, y are multiples of this, m; 0: any")
-    angle_step: float = Field(0.0, ge=0, allow_inf_nan=False, description="θ is a multiple of this, rad; 0: any")
+    burst_length: int = Field(10, ge=1, description="number of poses in such a run")
+    position_step: float = Field(0.0, ge=0, allow_inf_nan=False, description="resolution of x and y, m; 0: unlimited")
+    angle_step: float = Field(0.0, ge=0, allow_inf_nan=False, description="resolution of θ, rad; 0: unlimited")
 
     def record(self, poses: np.ndarray, noise: Noise | None, rate: float, rng: np.random.Generator) -> np.ndarray:
-        """Poses (n, samples, 3) as written `rate` times a second, NaN where none is.
+        """Poses (n, samples, 3) as written `rate` times a second, NaN where a pose is not written.
 
-        `poses` (n, frames × samples, 3) are those in the pictures, in m and rad, NaN after the end of a recording.
+        `poses` (n, frames × samples, 3) are the poses in the pictures, in m, rad; NaN after the end of a recording.
         """
         outlier_rng, lost_rng, wander_rng = rng.spawn(3)
-        # every channel draws its numbers: one without noise does not shift the stream of the others
+        # random numbers are drawn for every channel: a channel without noise does not shift the stream of the others
         position, angle = (noise.position or 0.0, noise.angle or 0.0) if noise else (0.0, 0.0)
         sigma = np.array([position, position, angle]) * self.noise_factors
         step = 1.0 / (rate * self.frames)
@@ -80,7 +80,7 @@ def lost_poses(
 
 
 def _autoregressive(white: np.ndarray, time: float, step: float) -> np.ndarray:
-    """AR(1) noise of variance 1 with this correlation time (s), from white noise (n, samples, 3)."""
+    """AR(1) noise of variance 1 with correlation time `time` (s), from white noise (n, samples, 3)."""
     if time == 0.0:
         return white
     from scipy.signal import lfilter

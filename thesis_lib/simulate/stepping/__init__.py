@@ -1,1 +1,1 @@
-"""Time stepping with contact impulses from a linear complementarity problem (thesis 2.3.1)."""
+"""Time stepping with contact impulses from linear complementarity problems (thesis 2.3.1)."""

@@ -1,21 +1,21 @@
 """Two-link arm that pushes a disk over the ground (thesis figure 2-1): dynamics from Drake, contacts in closed form.
 
-Coordinates q = (q_1, q_2, x, y, θ): angle of link 1 against the horizontal, of link 2 against link 1, and the pose of
-the disk.  Gravity acts along -y, the ground is y = 0.  For each contact pair the normal n points to the disk and the
-tangent is t = (n_y, -n_x):
+Coordinates q = (q_1, q_2, x, y, θ): angle of link 1 to the horizontal, of link 2 to link 1, and the pose of the disk.
+Gravity acts along -y, the ground is y = 0.  For each contact pair the normal n points to the disk, and the tangent is
+t = (n_y, -n_x):
 
-    arm:     C the point of link 2 (a segment without thickness) nearest to the disk's centre P,
+    arm:     C is the point of link 2 (a segment without thickness) nearest to the disk's centre P,
              φ = |P - C| - R,  n = (P - C) / |P - C|
              J_n = [-n'∂C/∂q_1, -n'∂C/∂q_2, n_x, n_y, 0],      J_t = [-t'∂C/∂q_1, -t'∂C/∂q_2, t_x, t_y, R]
     ground:  φ = y - R,  n = (0, 1),      J_n = [0, 0, 0, 1, 0],      J_t = [0, 0, 1, 0, R]
 
-C moves along the link as the disk rolls on it, but |P - C| is minimal there, so that J_n = ∂φ/∂q still holds.
-The force on the disk is c_n n + c_t t, that on the link its opposite.
+C moves along the link as the disk rolls on it, but J_n = ∂φ/∂q still holds, since |P - C| is minimal at C.
+The force on the disk is c_n n + c_t t, and the force on the link is its opposite.
 
 Source: R. Tedrake and the Drake development team, Drake, https://drake.mit.edu (MultibodyPlant).
 """
 
-# Drake's stubs take ndarray[float64] alone, where lists and other arrays work, too, and do not type ports' values
+# Drake's type stubs accept only ndarray[float64], although lists and other arrays work, and lack the types of ports
 # pyright: reportArgumentType=false, reportCallIssue=false, reportAttributeAccessIssue=false, reportReturnType=false
 
 import math
@@ -35,15 +35,15 @@ ON_LINK = (
     "The disk's centre lies on link 2 of the arm, where the contact has no normal. Start the disk outside the arm, "
     "or use smaller steps or torques."
 )
-MIN_DISTANCE = 1e-9  # m, of the disk's centre from the link, below which the normal is undefined
+MIN_DISTANCE = 1e-9  # m, distance of the disk's centre from the link below which the normal is undefined
 
 
 class ArmDisk(Mechanism):
     """The arm, the disk and the ground; 5 degrees of freedom, contact pairs ("arm", "ground").
 
-    Lengths are in m, masses in kg, inertias in kg m² about the centres of mass; `link_coms` in m from the joint: the
-    distance along the link, or (along, across); `base` is (x, y) of the first joint in m.  `plant` is the finalized
-    MultibodyPlant of bodies link_1, link_2 and disk, each with its frame at its joint or centre and x along the link.
+    Lengths are in m, masses in kg, inertias in kg m² about the centres of mass.  `link_coms` in m from the joint are
+    distances along the link, or pairs (along, across); `base` is (x, y) of the first joint in m.  `plant` is the
+    finalized MultibodyPlant of link_1, link_2 and disk, with frames at the joint or centre and x along the link.
 
     Raises:
         UserError: a length, mass or inertia is not positive.
@@ -73,7 +73,7 @@ class ArmDisk(Mechanism):
         for row, com in zip(coms, link_coms):
             row[: np.size(com)] = com
         if not (np.isfinite(coms).all() and np.isfinite(base).all() and 0.0 <= gravity < np.inf):
-            raise UserError("The arm needs finite centres of mass and base, and gravity of at least 0.")
+            raise UserError("The arm needs finite centres of mass, a finite base, and a gravity of at least 0.")
         self.link_lengths, self.link_masses = np.array(link_lengths, float), np.array(link_masses, float)
         self.link_coms, self.link_inertias = coms, np.array(link_inertias, float)
         self.disk_radius, self.disk_mass = float(disk_radius), float(disk_mass)
@@ -86,7 +86,7 @@ class ArmDisk(Mechanism):
         self._context = self.plant.CreateDefaultContext()
 
     def add_bodies(self, plant: "MultibodyPlant") -> None:
-        """Add links, disk, joints and gravity, in the order of q, to a plant that is not finalized."""
+        """Add links, disk, joints and gravity, in the order of q, to a plant that is not yet finalized."""
         from pydrake.math import RigidTransform
         from pydrake.multibody.tree import FixedOffsetFrame, PlanarJoint, RevoluteJoint
 
@@ -123,7 +123,7 @@ class ArmDisk(Mechanism):
         return elbow, elbow + l2 * np.stack([np.cos(second), np.sin(second)], axis=1)
 
     def contacts(self, q: np.ndarray) -> ContactGeometry:
-        # as `contacts_of`, in plain floats: the stepping calls this at every step
+        # like `contacts_of`, but with plain floats for speed, since it is called at every time step
         q1, q2, x, y, _ = (float(value) for value in q)
         (l1, l2), (bx, by), R = self.link_lengths, self.base, self.disk_radius
         ex, ey = bx + l1 * math.cos(q1), by + l1 * math.sin(q1)
@@ -163,16 +163,16 @@ class ArmDisk(Mechanism):
 
 
 def spatial_inertia(mass: float, com: Sequence[float] | np.ndarray, inertia: float) -> object:
-    """Drake's inertia of a body that moves in the plane: in kg, m (2,) from its origin, and kg m² about that point."""
+    """Drake's inertia of a planar body: mass in kg, `com` (2,) in m from its origin, inertia in kg m² about `com`."""
     from pydrake.multibody.tree import RotationalInertia, SpatialInertia
 
-    # only the moment about z acts in the plane; equal moments satisfy Drake's triangle inequality
+    # only the moment about z matters in the plane; equal moments satisfy Drake's triangle inequality
     central = RotationalInertia(inertia, inertia, inertia)
     return SpatialInertia.MakeFromCentralInertia(mass, np.array([com[0], com[1], 0.0]), central)
 
 
 def _finite(values: np.ndarray) -> np.ndarray:
-    # Drake ends the process on a position that is not finite
+    # Drake aborts the process if a position is not finite
     values = np.asarray(values, dtype=float)
     if not np.isfinite(values).all():
         raise ValueError(f"the state of the arm and disk must be finite, got {values}")

@@ -1,14 +1,14 @@
-"""Impulses of the active contacts of one step: one contact by its modes in closed form, several by Drake's Moby.
+"""Impulses of the active contacts of one step: one contact by its modes in closed form, several by Drake's Moby solver.
 
-With K = J M⁻¹ J' the inverse contact-space inertia, v_C = J v_free and w = v_n - b, a single contact has three modes:
+With the inverse contact-space inertia K = J M⁻¹ J', v_C = J v_free and w = v_n - b, a closed contact has three modes:
 
     stick:            K (c_t, c_n)' = -(v_t, w)'                          if c_n >= 0 and |c_t| <= μ c_n
     slip towards s:   c_n = -w / (K_nn - s μ K_tn),  c_t = -s μ c_n       if c_n >= 0 and s v_t⁺ >= 0
 
 k contacts have the LCP of `lcp` (sources there) in blocks, z = (c_n, b_1, b_2, λ) of k unknowns each.  A pivoting
-solver has its own tolerance; the equations of its basis, z_S = -M_SS⁻¹ q_S, are solved again to reach rounding.
+solver has its own tolerance; the equations of its basis, z_S = -M_SS⁻¹ q_S, are solved again to rounding accuracy.
 Several contacts can have several solutions (two sticking feet share their friction in many ways): one is returned, and
-only its sum is unique.
+only the sum is unique.
 
 The residual is the largest of -z, -w and |z w|, with impulses divided by v_scale / k_scale and velocities by v_scale;
 k_scale = tr K / (2 k), v_scale is the largest contact velocity in the data.
@@ -22,21 +22,21 @@ import numpy as np
 from thesis_lib.simulate.stepping.lcp import LcpStatus, lcp_matrices, solve_lcp_enumeration
 from thesis_lib.simulate.stepping.multibody import ContactGeometry, Mechanism
 
-MODE_TOL = 1e-12  # of the velocities and impulses of one contact: rounding at the border between two modes
-# m: another contact's impulse may close a pair this near in the same step, though free motion would open it
+MODE_TOL = 1e-12  # tolerance of velocities and impulses of one contact, for rounding at the border between two modes
+# m: a pair with a smaller gap may be closed by another contact's impulse in the same step, even if free motion opens it
 TOUCH = 1e-4
-# v_reb, m/s; velocity from gravity in a step of 5 ms: a slower rebound would end within the step in which it begins
+# v_reb, m/s; the velocity gained by gravity in a step of 5 ms: a slower rebound would end within the same step
 V_REBOUND = 0.05
-# v_rec, m/s; 0.5 mm in a step of 5 ms, the drift of a body of 1 m that rolls with a few rad/s
+# v_rec, m/s; 0.5 mm in a step of 5 ms, the drift of a body of 1 m that rolls at a few rad/s
 V_RECOVER = 0.1
-MAX_UNKNOWNS = 8  # two planar contacts: 256 bases; beyond that a pivoting method is better
+MAX_UNKNOWNS = 8  # two planar contacts, 256 bases; for more, a pivoting method is better
 POLISHED = 1e-13  # residual of a basis that is solved to rounding
 ACCEPTED = 1e-9  # largest accepted residual of a solution, on dimensionless data
 
 
 @dataclass(frozen=True, slots=True)
 class StepSolution:
-    """Contact impulses of one step; v, c_n, c_t and residual are NaN where it has no solution."""
+    """Contact impulses of one step; v, c_n, c_t and residual are NaN if the step has no solution."""
 
     v: np.ndarray  # (nv,) velocity after the step
     c_n: np.ndarray  # c_n, c_t: (p,) impulses in N s
@@ -57,10 +57,10 @@ def solve_contacts(
     epsilon: np.ndarray,
     contacts: ContactGeometry | None = None,
 ) -> StepSolution:
-    """Impulses of one step and the velocity after it; the conditions are those of `stepping`.
+    """Impulses of one step and the velocity after it, under the conditions given in `stepping`.
 
-    `q` (nq,) and `M_inv` (nv, nv) are at the start of the step, `v` and `v_free` (nv,) before it and after it without
-    contact; `h` in s; `mu`, `epsilon` (p,).  `contacts` are those at q, if known.
+    `q` (nq,) and `M_inv` (nv, nv) are at the start of the step; `v` and `v_free` (nv,) are the velocities before it and
+    after it without contact; `h` in s; `mu`, `epsilon` (p,).  `contacts` are the contacts at q, if already known.
     """
     phi_free = mechanism.contacts(q + h * v_free).phi
     contacts = contacts or mechanism.contacts(q)
@@ -123,7 +123,7 @@ def solve_one(
         gap = (w + K_tn * c_t + K_nn * c_n) / v_scale
         p_t, p_n = c_t / unit, c_n / unit
         cone = mu * p_n - abs(p_t)
-        # the friction impulse must oppose a slip of its full size: b (λ ± v_t) with λ = |v_t|
+        # the friction impulse must oppose the slip: residual b (λ ± v_t) with λ = |v_t|
         against = abs(p_t) * (abs(slip) + (slip if p_t > 0.0 else -slip))
         return c_t, c_n, max(-p_n, -gap, abs(p_n * gap), -cone, abs(slip * cone), against)
 
@@ -135,7 +135,7 @@ def solve_one(
         c_t, c_n = (K_tn * w - K_nn * v_t) / det, (K_tn * v_t - K_tt * w) / det
         if c_n >= 0.0 and abs(c_t) <= mu * c_n + MODE_TOL * unit:
             return with_residual(c_t, c_n)
-    # slip in the direction of the free motion first; the other is rare
+    # first try slip in the direction of the free motion; the other direction is rare
     first = 1.0 if v_t >= 0.0 else -1.0
     for s in (first, -first):
         reach = K_nn - s * mu * K_tn
@@ -151,8 +151,8 @@ def solve_one(
 def solve_several(K: np.ndarray, v_c: np.ndarray, b: np.ndarray, mu: np.ndarray) -> tuple[np.ndarray, float]:
     """Impulses c (2k,) = (c_t, c_n) in N s of k >= 1 contacts of one mechanism, and the residual.
 
-    K (2k, 2k) in 1/kg, which may be singular, and the velocities v_c (2k,) in m/s after the free step have tangential
-    rows first; b (k,) is in m/s, mu (k,).  Without a solution, c is NaN and the residual infinite.
+    K (2k, 2k) in 1/kg, which may be singular, and the velocities v_c (2k,) in m/s after the free step have the
+    tangential rows first; b (k,) is in m/s, mu (k,).  If there is no solution, c is NaN and the residual infinite.
     """
     k = len(b)
     if not (np.isfinite(K).all() and np.isfinite(v_c).all() and np.isfinite(b).all()):
@@ -172,10 +172,10 @@ def solve_several(K: np.ndarray, v_c: np.ndarray, b: np.ndarray, mu: np.ndarray)
 
 
 def _polished(M: np.ndarray, q: np.ndarray, z: np.ndarray) -> tuple[np.ndarray, float]:
-    """z with the equations of its basis solved to rounding, unless that is worse, and its residual."""
+    """z with the equations of its basis solved to rounding accuracy, if that lowers the residual, and the residual."""
     basis = np.flatnonzero(z > M @ z + q)
     best, residual = z, _residual(M, q, z)
-    # least squares, for singular bases: several supports share one force
+    # least squares for singular bases, in which several supports share one force
     for solve in (np.linalg.solve, lambda A, b: np.linalg.lstsq(A, b, rcond=None)[0]):
         exact = np.zeros_like(z)
         try:
@@ -196,7 +196,7 @@ def _residual(M: np.ndarray, q: np.ndarray, z: np.ndarray) -> float:
 
 
 def by_drake(solver: str, M: np.ndarray, q: np.ndarray) -> np.ndarray | None:
-    """z (4k,) from a solver of pydrake.solvers; None where it finds none."""
+    """Solution z (4k,) from a solver of pydrake.solvers; None if it finds no solution."""
     from pydrake import solvers
 
     program = solvers.MathematicalProgram()

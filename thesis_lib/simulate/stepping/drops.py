@@ -1,19 +1,19 @@
-"""Drops of a planar body on a level surface, stepped in time with contact impulses from an LCP.
+"""Drops of a planar body onto a level surface, by time stepping with contact impulses from an LCP.
 
-All drops are stepped at once with a fixed h.  Contact Jacobians come from a Drake plant (plant.py), the impulse from
+All drops are advanced at once with a fixed h.  Contact Jacobians come from a Drake plant (plant.py), the impulse from
 the Anitescu-Potra LCP (lcp.py).  Within a step:
 
     flight   q(t) = q + v t + a t²/2,  v(t) = v + a t,  a = M⁻¹ τ_g     exact, since a is constant
-    impact   a flight that ends with φ_n < 0 is cut at φ_n(t) = 0 (Newton inside a bracket, φ̇_n = J_n v), there
-             v ← v + M⁻¹ J' c,  c from the LCP with K = J M⁻¹ J', and the rest of the step is flown
+    impact   a flight that ends with φ_n < 0 is cut at φ_n(t) = 0 (Newton inside a bracket, φ̇_n = J_n v); there
+             v ← v + M⁻¹ J' c,  c from the LCP with K = J M⁻¹ J'; the rest of the step is flight again
     support  a contact slower than `V_PLASTIC` is plastic and held for the rest of the step: an Anitescu-Potra step,
              v ← v + a h + M⁻¹ J' c with ε = 0 and v_n after it >= 0, q ← q + h v, J taken half a step ahead
 
-Impacts do not depend on h; support does, to first order.  Plastic slow contacts end the infinite sequence of ever
-smaller bounces.  After support, a body that has drifted into the surface (third order in h) is lifted to it.
+Impacts do not depend on h; support depends on h to first order.  Plastic slow contacts end the infinite sequence of
+ever smaller bounces.  After support, a body that has drifted into the surface (third order in h) is lifted to it.
 
 `rng` spawns one stream for releases and one for measurement noise.  Each is drawn as one block in the order of the
-drops, so drop i does not depend on the number of drops.
+drops; drop i therefore does not depend on the number of drops.
 
 Sources: thesis chapter 3 (experiment); Anitescu and Potra 1997, doi 10.1023/A:1008292328909; Stewart and Trinkle 1996,
 doi 10.1002/(SICI)1097-0207(19960815)39:15<2673::AID-NME972>3.0.CO;2-I (time stepping of support).
@@ -42,10 +42,10 @@ from thesis_lib.simulate.stepping.lcp import ContactImpulse, LcpStatus, impact
 from thesis_lib.simulate.stepping.plant import PlanarPlant
 
 V_PLASTIC = 0.05  # m/s; a slower contact rebounds by at most v²/2g = 0.13 mm, below motion-capture noise
-GAP_TOL = 1e-13  # m; accepted |φ_n| at contact: the rounding of a pose of about 1 m is 1e-16
+GAP_TOL = 1e-13  # m; accepted |φ_n| at contact; rounding errors of a pose of about 1 m are 1e-16
 V_LEAVING = 1e-9  # m/s; a body on the surface leaves it above this upward speed
-MAX_IMPACTS = 20  # of one drop in one step
-MAX_NEWTON = 80  # bisection alone needs 50
+MAX_IMPACTS = 20  # most impacts of one drop in one step
+MAX_NEWTON = 80  # most iterations; bisection alone needs 50
 
 TRUTH = (*CONTACT, "energy_change", "residual", "status")
 
@@ -54,8 +54,8 @@ class DropStatus(IntEnum):
     """Outcome of one drop."""
 
     DONE = 0
-    CLUSTERED = 1  # more than MAX_IMPACTS impacts in one step; its remainder was treated as support
-    LCP_FAILED = 2  # no impulse found; the trajectory ends there
+    CLUSTERED = 1  # more than MAX_IMPACTS impacts in one step; the rest of the step was treated as support
+    LCP_FAILED = 2  # no impulse was found; the trajectory ends there
 
 
 def simulate_drops(
@@ -74,13 +74,13 @@ def simulate_drops(
 ) -> DropsWithTruth:
     """Release n bodies over the surface y = 0 and record their poses.
 
-    `mu` and `epsilon` are scalars or (n,); `gravity` is in m/s², `dt` the largest time step in s (the step used divides
-    the sampling period).  Samples are at 0, 1/rate, ... up to `duration`, s and Hz; `noise` as in `compliant.drops`.
+    `mu` and `epsilon` are scalars or (n,); `gravity` is in m/s², `dt` is the largest time step in s (the step used
+    divides the sampling period).  Samples are at 0, 1/rate, ... up to `duration` (Hz, s); `noise`: `compliant.drops`.
 
     Returns:
-        Drops whose `impacts` (those faster than the plastic limit, and failed solves) also have residual (1) and status
-        (`LcpStatus`), and whose `trials` have impacts (count), t_support (s, of the first supported step; NaN: none)
-        and status (`DropStatus`).
+        Drops whose `impacts` (above the plastic limit, and failed solutions) also have residual (1) and status
+        (`LcpStatus`), and whose `trials` have impacts (their number), t_support (s, time of the first supported step;
+        NaN: none) and status (`DropStatus`).
 
     Raises:
         UserError: the body has no mass, an argument is out of range, or a release touches the surface.
@@ -89,7 +89,7 @@ def simulate_drops(
     reach = body.shape.extent
     check_request(body, release, reach, n=n, gravity=gravity, dt=dt, duration=duration, rate=rate)
     if not ((mu >= 0) & (mu < np.inf)).all() or not ((epsilon >= 0) & (epsilon <= 1)).all():
-        raise UserError("Simulated drops need mu >= 0 and epsilon between 0 and 1; another value was given.")
+        raise UserError("Simulated drops need mu >= 0 and epsilon between 0 and 1; a given value is out of range.")
     release_rng, noise_rng = rng.spawn(2)
     q, v = release.draw(n, release_rng)
     simulation = _Simulation(body, q, v, np.broadcast_to(mu, n), np.broadcast_to(epsilon, n), gravity)
@@ -111,15 +111,15 @@ def simulate_drops(
 
 
 class _Simulation:
-    """State of n drops and the record of their impacts."""
+    """State of n drops, and the record of their impacts."""
 
     def __init__(
         self, body: Body, q: np.ndarray, v: np.ndarray, mu: np.ndarray, epsilon: np.ndarray, gravity: float
     ) -> None:
         n = len(q)
         self.shape: Shape = body.shape
-        self.plant, mass = PlanarPlant(), body.mass or 0.0  # `check_request` refuses bodies without one
-        # of one free body the same at every pose, as is its acceleration in flight
+        self.plant, mass = PlanarPlant(), body.mass or 0.0  # `check_request` rejects bodies without a mass
+        # M and the acceleration in flight are the same at every pose of a single free body
         self.M = np.diag([mass, mass, mass * body.radius_of_gyration**2])
         self.a = np.linalg.solve(self.M, [0.0, -mass * gravity, 0.0])
         self.q, self.v, self.mu, self.epsilon = q.copy(), v.copy(), mu, epsilon
@@ -129,7 +129,7 @@ class _Simulation:
 
     @property
     def alive(self) -> np.ndarray:
-        """Mask (n,) of the drops whose solves have all succeeded."""
+        """Mask (n,) of the drops for which an impulse was found at every contact so far."""
         return self.status != DropStatus.LCP_FAILED
 
     def step(self, t: float, h: float) -> None:
@@ -140,7 +140,7 @@ class _Simulation:
         self.q[flies], self.v[flies] = q[flies], v[flies]
 
         rows = np.flatnonzero(touches)
-        rest = np.full(len(rows), h)  # time of the step that remains to be flown
+        rest = np.full(len(rows), h)  # remaining time of flight in the step
         for contact in range(MAX_IMPACTS + 1):
             if not len(rows):
                 break
@@ -169,10 +169,10 @@ class _Simulation:
         return v[:, 1] + self.shape.contact_point(q[:, 2])[:, 0] * v[:, 2]
 
     def _time_of_contact(self, q: np.ndarray, v: np.ndarray, rest: np.ndarray) -> np.ndarray:
-        """Time (n,) in [0, rest] at which a flight that ends below the surface comes down on it.
+        """Time (n,) in [0, rest] at which a flight that ends below the surface reaches it from above.
 
-        Newton's iteration inside a bracket.  A start on the surface counts as above it, so that a body that has just
-        bounced is followed until it comes down again.
+        Newton's iteration inside a bracket.  A body that leaves the surface at the start counts as above it; after a
+        bounce, the time of the next touch is therefore found.
         """
         low, high = np.zeros_like(rest), rest.copy()
         above = (self.shape.gap(q[:, 1], q[:, 2]) > GAP_TOL) | (self._gap_rate(q, v) > V_LEAVING)
@@ -190,13 +190,13 @@ class _Simulation:
             newton = t[todo] - gap / np.where(rate < 0.0, rate, -1.0)
             good = (rate < 0.0) & (newton > low[todo]) & (newton < high[todo])
             t[todo] = np.where(good, newton, 0.5 * (low[todo] + high[todo]))
-        t[todo] = low[todo]  # not converged: a graze, or the start itself; this end is above the surface
+        t[todo] = low[todo]  # not converged (grazing contact, or the start itself): use the end above the surface
         return t
 
     def _impulse(
         self, rows: np.ndarray, q: np.ndarray, v: np.ndarray, epsilon: np.ndarray
     ) -> tuple[ContactImpulse, np.ndarray]:
-        """Impulse at poses q of drops `rows` that move with v, and the velocity after it (n, 3)."""
+        """Impulse at poses q of drops `rows` with velocities v, and the velocities after it (n, 3)."""
         J = self.plant.contact_jacobian(q, self.shape.contact_point(q[:, 2]))
         out, v_post = impact(self.M, J, v, self.mu[rows], epsilon)
         self.status[rows[out.status != LcpStatus.SOLVED]] = DropStatus.LCP_FAILED
@@ -217,7 +217,7 @@ class _Simulation:
         if not len(rows):
             return
         q, v = self.q[rows], self.v[rows]
-        ahead = q + 0.5 * rest[:, None] * v  # J half a step ahead: drift along a curve is then O(h³) a step
+        ahead = q + 0.5 * rest[:, None] * v  # J half a step ahead; drift along a curve is then O(h³) per step
         _, v = self._impulse(rows, ahead, v + self.a * rest[:, None], np.zeros(len(rows)))
         q = q + rest[:, None] * v
         q[:, 1] -= np.minimum(self.shape.gap(q[:, 1], q[:, 2]), 0.0)

@@ -2,14 +2,14 @@
 
     M(q) v̇ + C(q, v) v = g(q) + f_ext + J_n(q)' c_n + J_t(q)' c_t                                     (2.2)
 
-A mechanism gives M, C v, g and, for each of its p contact pairs, the gap φ and the rows J_n = ∂φ/∂q and J_t (velocity
-of the touching point along the surface).  For a free body with contact point r from its origin, in the axes of the
-surface (2.19, 2.20; equivalent to 2.21 and 2.22 for the ellipse, with the angle β of the touching point):
+A mechanism provides M, C v, g and, for each of its p contact pairs, the gap φ and the rows J_n = ∂φ/∂q and J_t
+(velocity of the contact point along the surface).  For a free body with contact point r from its origin, in the axes of
+the surface (2.19, 2.20; equivalent to 2.21 and 2.22 for the ellipse, with the angle β of the contact point):
 
     φ = y + r_y,      J_n = [0, 1, r_x],      J_t = [1, 0, -r_y]
 
 Each corner, r = R(θ) p, is a pair; a smooth outline has one pair, at its lowest point.  On a surface tilted by α about
-the origin, the axes follow the surface and gravity turns: g = m g (sin α, -cos α, 0), downhill along +x for positive α.
+the origin, the axes follow the surface and gravity is rotated: g = m g (sin α, -cos α, 0); α > 0 is downhill along +x.
 
 Sources: D. E. Stewart, J. C. Trinkle, Int. J. Numer. Methods Eng. 39 (1996),
 doi 10.1002/(SICI)1097-0207(19960815)39:15<2673::AID-NME972>3.0.CO;2-I.
@@ -27,7 +27,7 @@ from thesis_lib.foundation.errors import UserError
 
 @dataclass(frozen=True)
 class ContactGeometry:
-    """Gaps and Jacobians of p contact pairs, at one configuration or at n (first axis)."""
+    """Gaps and Jacobians of p contact pairs, at one configuration or at n configurations (first axis)."""
 
     phi: np.ndarray  # (..., p) gaps in m, negative in penetration
     J_n: np.ndarray  # J_n, J_t: (..., p, nv) rows of the normal and tangential contact Jacobian
@@ -36,7 +36,7 @@ class ContactGeometry:
 
 @dataclass(frozen=True)
 class Rod:
-    """Thin straight rod of `length` m, centred on the body origin, which touches with its ends only."""
+    """Thin straight rod of `length` m, centred on the body origin, that touches only with its ends."""
 
     length: float
 
@@ -50,7 +50,7 @@ class Mechanism(ABC):
 
     nv: int
     pairs: tuple[str, ...]  # names of the contact pairs
-    constant: bool = False  # M and gravity do not depend on q and C v = 0, so that flight is a parabola
+    constant: bool = False  # whether M and gravity are independent of q and C v = 0 (flight is then a parabola)
 
     @abstractmethod
     def mass_matrix(self, q: np.ndarray) -> np.ndarray:
@@ -78,7 +78,7 @@ class PlanarFreeBody(Mechanism):
     """One rigid body over a flat surface, q = (x, y, θ) of its centre of mass in the axes of the surface.
 
     Polygons have a pair per vertex, rods one per end, ellipse and disk one.  Mass in kg, inertia in kg m² about the
-    centre of mass, gravity in m/s²; `tilt` in rad is the surface's slope, positive goes downhill along +x.
+    centre of mass, gravity in m/s²; `tilt` in rad is the surface's slope, downhill along +x if positive.
     `corners` (p, 2) are the points in the body frame that can touch, m; None for a smooth outline.
 
     Raises:
@@ -120,7 +120,7 @@ class PlanarFreeBody(Mechanism):
         return self._gravity
 
     def contacts(self, q: np.ndarray) -> ContactGeometry:
-        # the stepping calls this at every step: plain floats are several times faster than arrays of length one
+        # called at every time step: plain floats are several times faster than arrays of length one
         y, theta = float(q[1]), float(q[2])
         sin, cos = math.sin(theta), math.cos(theta)
         if self.corners is not None:
@@ -138,7 +138,7 @@ class PlanarFreeBody(Mechanism):
         return ContactGeometry(np.array([y + r_y]), np.array([[0.0, 1.0, r_x]]), np.array([[1.0, 0.0, -r_y]]))
 
     def contact_points(self, theta: np.ndarray) -> np.ndarray:
-        """Touching points (n, p, 2) in m from the centre of mass at angles `theta` (n,), in the surface's axes."""
+        """Contact points (n, p, 2) in m from the centre of mass at angles `theta` (n,), in the surface's axes."""
         theta = np.asarray(theta, dtype=float)
         if self.corners is None:
             return self.shape.contact_point(theta)[:, None, :]  # pyright: ignore[reportAttributeAccessIssue]
@@ -156,7 +156,7 @@ class PlanarFreeBody(Mechanism):
 
 
 def require_positive(what: str, **values: float) -> None:
-    """Raise a UserError, which names the values, unless all values of `what` are positive and finite."""
+    """Raise a UserError, which names the value, unless all values of `what` are positive and finite."""
     for name, value in values.items():
         if not 0.0 < value < math.inf:
             raise UserError(f"A {what} needs a positive, finite {name.replace('_', ' ')}; got {value}.")

@@ -8,7 +8,7 @@ The plane is Drake's world x-y plane seen from +z: x to the right, y up, θ coun
 Source: R. Tedrake and the Drake development team, Drake, https://drake.mit.edu (MultibodyPlant, PlanarJoint).
 """
 
-# Drake's stubs take ndarray[float64] alone, where lists and other arrays work, too, and do not type ports' values
+# Drake's type stubs accept only ndarray[float64], although lists and other arrays work, and lack the types of ports
 # pyright: reportArgumentType=false, reportCallIssue=false, reportAttributeAccessIssue=false, reportReturnType=false
 
 import numpy as np
@@ -34,7 +34,7 @@ class PlanarPlant:
         """Rows (J_t, J_n), (n, 2, 3), of the body-fixed point at r (n, 2) in m, world axes, at configurations q (n, 3).
 
         Raises:
-            ValueError: a value is not finite (Drake would end the process), or an array has a wrong shape.
+            ValueError: a value is not finite (Drake would abort the process), or an array has the wrong shape.
         """
         q, r = np.asarray(q, dtype=float), np.asarray(r, dtype=float)
         for name, values, size in (("configurations", q, 3), ("contact points", r, 2)):
@@ -44,7 +44,7 @@ class PlanarPlant:
         for i, row in enumerate(q):
             self._plant.SetPositions(self._context, row)
             R_WB: RotationMatrix = self._frame.CalcRotationMatrixInWorld(self._context)
-            # the point is fixed in the body for this instant: p_BoC_B = R_WB' r
+            # at this instant the point is fixed in the body: p_BoC_B = R_WB' r
             p_BoC_B = R_WB.matrix().T @ np.array([r[i, 0], r[i, 1], 0.0])
             J[i] = self._plant.CalcJacobianTranslationalVelocity(
                 self._context, JacobianWrtVariable.kV, self._frame, p_BoC_B, world, world

@@ -3,21 +3,21 @@
     v_free = v_k + h M⁻¹ (g + f_ext - C v_k),     M, C, g, J at (q_k, v_k)
     M (v_{k+1} - v_k) = h (g + f_ext - C v_k + J_n' c_n + J_t' c_t),      q_{k+1} = q_k + h v_{k+1}
 
-A step has contact if φ_free = φ(q_k + h v_free) <= 0 for a pair.  Such pairs are active, and so are those that already
+A step has contact if φ_free = φ(q_k + h v_free) <= 0 for a pair.  Such pairs are active, and so are pairs that already
 touch, φ_k <= `TOUCH`: free motion may open a pair that another pair's impulse keeps closed.  Active pairs obey, with
 the friction cone and maximal dissipation as in `lcp`,
 
-    0 <= J_n v_{k+1} - b  ⟂  c_n >= 0,     b = -ε J_n v_k                        where that is above v_reb
+    0 <= J_n v_{k+1} - b  ⟂  c_n >= 0,     b = -ε J_n v_k                        if this exceeds v_reb
                                            b = min(J_n v_free - φ_free / h, v_rec)  otherwise.
 
-The first case is Newton's restitution.  In the second, of a support or a dead impact, the gap closes: φ, linearised at
-the end of the free step, is zero after it.  (Linearised at the start, with φ_k and J_n v_free instead of φ_free, a
-curved path leaves the surface in one step and is caught in the next, and the contact chatters.)  A dead impact takes
-two steps: one closes the gap, one stops.  v_rec bounds the speed at which a penetration is undone, and so the energy
-that this can add.
+The first case is Newton's restitution.  In the second case, a support or an impact without rebound, the gap closes: φ,
+linearised at the end of the free step, is zero after the step.  (If it were linearised at the start, with φ_k and
+J_n v_free instead of φ_free, a curved path would leave the surface in one step and return in the next, and the contact
+would chatter.)  An impact without rebound takes two steps: one closes the gap, one stops the motion.  v_rec limits the
+speed at which a penetration is undone, and thereby the energy that this can add.
 
-`contact_modes` solves the active pairs; after a step without solution, the record is NaN.  In flight, mechanisms with
-constant M and g take many steps at a time.
+`contact_modes` solves for the active pairs; after a step without solution, the record is NaN.  In flight, mechanisms
+with constant M and g take many steps at a time.
 
 Sources: D. E. Stewart, J. C. Trinkle, Int. J. Numer. Methods Eng. 39 (1996); M. Anitescu, F. A. Potra, Nonlinear
 Dynamics 14 (1997), doi 10.1023/A:1008292328909; E. Drumwright, Drake's MobyLcpSolver.
@@ -33,8 +33,8 @@ from thesis_lib.simulate.stepping.contact_modes import StepSolution, solve_conta
 from thesis_lib.simulate.stepping.lcp import LcpStatus
 from thesis_lib.simulate.stepping.multibody import ContactGeometry, Mechanism
 
-MAX_START_DEPTH = 1e-6  # m; rounding of a touching pose
-# steps looked ahead in flight at once: with more, most of the work is discarded at a contact
+MAX_START_DEPTH = 1e-6  # m; allows for rounding of a touching pose
+# most flight steps computed ahead at once; with more, most of the work would be discarded at a contact
 MAX_FLIGHT = 256
 
 Force = Callable[[float, np.ndarray, np.ndarray], np.ndarray]
@@ -42,16 +42,16 @@ Force = Callable[[float, np.ndarray, np.ndarray], np.ndarray]
 
 @dataclass(frozen=True)
 class SimulatedMotion:
-    """A simulated motion of m steps with all its forces; without a hidden force, the equation above holds exactly."""
+    """A simulated motion of m steps with all its forces; without hidden forces, the module's equation holds exactly."""
 
     h: float  # s, time step
     q: np.ndarray  # q, v: (m+1, nv) states; NaN after a step that could not be solved
     v: np.ndarray
-    f_ext: np.ndarray  # (m, nv) known external force during step k in N, N m; without gravity and contact
+    f_ext: np.ndarray  # (m, nv) known external force during step k in N, N m; excludes gravity and contact
     phi: np.ndarray  # (m, p) gaps at q_k in m
     J_n: np.ndarray  # J_n, J_t: (m, p, nv) contact Jacobians at q_k
     J_t: np.ndarray
-    c_n: np.ndarray  # c_n, c_t: (m, p) contact forces over step k in N; the impulse is h times them
+    c_n: np.ndarray  # c_n, c_t: (m, p) contact forces over step k in N; the impulse is h times the force
     c_t: np.ndarray
     residual: np.ndarray  # (m,) largest violation of the step's complementarity problem, 1; 0 without contact
     status: np.ndarray  # (m,) `LcpStatus` codes
@@ -68,7 +68,7 @@ class SimulatedMotion:
 
     @property
     def solved(self) -> bool:
-        """Whether every step was solved."""
+        """Whether a solution was found for every step."""
         return bool((self.status == LcpStatus.SOLVED).all())
 
     def window(self, start: int, stop: int) -> "SimulatedMotion":
@@ -82,7 +82,7 @@ class SimulatedMotion:
 
 @dataclass(frozen=True)
 class StateTerms:
-    """Terms of equation 2.2 that a state alone gives: M⁻¹ (nv, nv), g and C v (nv,), and the contact pairs."""
+    """Terms of equation 2.2 that depend only on the state: M⁻¹ (nv, nv), g and C v (nv,), and the contact pairs."""
 
     M_inv: np.ndarray
     gravity: np.ndarray
@@ -105,10 +105,10 @@ def step_lcp(
     epsilon: np.ndarray | float,
     terms: StateTerms | None = None,
 ) -> tuple[np.ndarray, np.ndarray, StepSolution]:
-    """One step from state (q, v) (nv,) under f_ext (nv,) in N, N m.
+    """Advance one step from state (q, v) (nv,) under f_ext (nv,) in N, N m.
 
-    `h` is in s; `mu`, `epsilon` are scalars or (p,); `terms` are those of the state, if several steps start from it.
-    Returns q and v (nv,) after the step, NaN where it has no solution, and the contact impulses.
+    `h` is in s; `mu`, `epsilon` are scalars or (p,); `terms` of the state can be passed if several steps start from it.
+    Returns q and v (nv,) after the step, NaN if it has no solution, and the contact impulses.
     """
     p = len(mechanism.pairs)
     at = terms or StateTerms.of(mechanism, q, v)
@@ -136,11 +136,11 @@ def simulate(
         q0, v0: (nv,) initial state.
         torque: known external force in N, N m: None, (nv,) constant, (steps, nv), or a function of (t, q, v) at the
             start of a step.
-        h, mu, epsilon: time step in s, friction and restitution coefficients, scalars or (p,).
+        h, mu, epsilon: time step in s; coefficients of friction and restitution, scalars or (p,).
         hidden: force as a function of (t, q, v) that acts but does not appear in the record's f_ext.
 
     Raises:
-        UserError: a shape, a coefficient or the time step is wrong, or the start is not finite or deep in the surface.
+        UserError: a shape, a coefficient or the time step is invalid, or the start is not finite or penetrates.
     """
     p, nv = len(mechanism.pairs), mechanism.nv
     q0, v0 = np.array(q0, dtype=float), np.array(v0, dtype=float)
@@ -176,7 +176,7 @@ def _run(
     mu: np.ndarray,
     epsilon: np.ndarray,
 ) -> int:
-    """Fill the record step by step; returns the number of steps with a known starting state."""
+    """Fill the record step by step; return the number of steps with a known starting state."""
     h, steps = out.h, out.steps
     constant = mechanism.constant
     M_inv = np.linalg.inv(mechanism.mass_matrix(out.q[0]))
@@ -218,7 +218,7 @@ def _run(
 
 
 def _fly(mechanism: Mechanism, out: SimulatedMotion, acceleration: np.ndarray, k: int, ahead: int) -> int:
-    """Fill up to `ahead` steps without contact from step k on; returns their number."""
+    """Fill up to `ahead` steps without contact from step k on; return their number."""
     h = out.h
     v = out.v[k] + h * np.cumsum(acceleration[k : k + ahead], axis=0)
     q = out.q[k] + h * np.cumsum(v, axis=0)
@@ -229,10 +229,10 @@ def _fly(mechanism: Mechanism, out: SimulatedMotion, acceleration: np.ndarray, k
 
 
 def external_force(torque: np.ndarray | Force | None, steps: int, nv: int) -> np.ndarray:
-    """Known external force (steps, nv) in N, N m from the `torque` of `simulate`; zeros for a function.
+    """Known external force (steps, nv) in N, N m from the `torque` of `simulate`; zeros if it is a function.
 
     Raises:
-        UserError: it has another shape or is not finite.
+        UserError: the force has the wrong shape or is not finite.
     """
     if torque is None or callable(torque):
         return np.zeros((steps, nv))
@@ -251,7 +251,7 @@ def _check(
     nv, p = mechanism.nv, len(mechanism.pairs)
     for name, value in (("q0", q0), ("v0", v0)):
         if value.shape != (nv,) or not np.isfinite(value).all():
-            raise UserError(f"A simulation starts from {nv} finite numbers; {name} is {value}.")
+            raise UserError(f"A simulation must start from {nv} finite numbers; {name} is {value}.")
     if not 0.0 < h < np.inf or steps < 1:
         raise UserError(f"A simulation needs a time step above 0 and at least one step; got {h} s, {steps}.")
     for name, value, most in (("mu", mu, np.inf), ("epsilon", epsilon, 1.0)):

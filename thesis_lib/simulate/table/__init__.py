@@ -1,1 +1,1 @@
-"""A puck that slides over a table between cushions, recorded from above"""
+"""A puck that slides on a table between cushions, recorded from above."""

@@ -1,12 +1,12 @@
-"""The puck of `puck` in MuJoCo: recordings that share no line with ours.
+"""The puck of `puck` in MuJoCo: recordings that are independent of our own simulator.
 
-Body and cushions are a sphere of the puck's radius, which slides and turns in the plane, and planes.  A contact is
-MuJoCo's, a spring and damper with the restitution and time of its cushion (`simulate.mujoco.contact`).  Friction is
-that of its elliptic cone: viscous near sticking, and where the rim slides it pushes the puck off the cushion a little.
-Friction with the table is a force against the motion, set anew every `EVERY` steps.
+The puck is a sphere of its radius that slides and turns in the plane; the cushions are planes.  The contact is
+MuJoCo's, a spring and damper with the restitution and time of the cushion (`simulate.mujoco.contact`).  Friction
+follows MuJoCo's elliptic cone: it is viscous near sticking, and a sliding rim pushes the puck slightly off the cushion.
+Friction with the table is a force against the motion, updated every `EVERY` steps.
 """
 
-# MuJoCo has no types
+# MuJoCo has no type stubs
 # pyright: reportAttributeAccessIssue=false
 
 import mujoco
@@ -16,20 +16,20 @@ from thesis_lib.foundation.errors import UserError
 from thesis_lib.simulate.mujoco.contact import solref
 from thesis_lib.simulate.table.puck import CONTACT, CUSHIONS, FRICTION, MASS, RADIUS, SLOW, Cushions
 
-STEP, EVERY = 2e-5, 25  # s; a fiftieth of the contact, and force of the table every half millisecond
-IMPEDANCE, IMPRATIO = 0.01, 10.0  # as of dropped bodies
-# of the inverse mass that MuJoCo assumes: two of the three axes along which a free body could move
+STEP, EVERY = 2e-5, 25  # s, a fiftieth of the contact time; steps between updates of the table's force, every 0.5 ms
+IMPEDANCE, IMPRATIO = 0.01, 10.0  # as for dropped bodies
+# d' over d with the inverse mass that MuJoCo assumes: two thirds, since two of three axes are free
 SHARE = 1.0 / (IMPEDANCE + (1.0 - IMPEDANCE) * 2.0 / 3.0)
 
 
 def slide_in_mujoco(q: np.ndarray, v: np.ndarray, omega: np.ndarray, table: Cushions, times: np.ndarray) -> np.ndarray:
     """Positions (n, T, 2) in m at `times` (T,) in s of pucks from q, v (n, 2) and spin omega (n,); NaN once at rest.
 
-    UserError for a restitution that depends on speed, which no contact of MuJoCo's has.
+    UserError for a restitution that depends on speed, which MuJoCo's contacts cannot have.
     """
     if table.rise.any():
         raise UserError(
-            "MuJoCo gives back the same share at any speed: there is no quick_cushion with --engine mujoco."
+            "MuJoCo's restitution is the same at any speed: quick_cushion is not available with --engine mujoco."
         )
     model = mujoco.MjModel.from_xml_string(_xml(table))
     path = np.full((len(q), len(times), 2), np.nan)

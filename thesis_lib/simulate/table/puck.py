@@ -1,11 +1,11 @@
-"""A puck on a table between four cushions, seen from above by a camera of 120 Hz that does not see it turn.
+"""A puck on a table between four cushions, recorded from above by a 120 Hz camera that cannot see its rotation.
 
-Between the cushions the puck slides with Coulomb friction: along its direction of motion it loses a = μ_table g,
+Between the cushions the puck slides with Coulomb friction and decelerates with a = μ_table g along its motion,
 
     s(t) = v t − a t²/2,    v(t) = v − a t.
 
-A contact with a cushion is integrated in time: a spring that is steeper when it unloads (Walton and Braun 1986), which
-gives back the share ε of the normal velocity, and friction μ N against the slip of the rim,
+A contact with a cushion is integrated in time: a spring that is stiffer in unloading (Walton and Braun 1986), which
+returns the share ε of the normal velocity, and friction μ N against the slip of the rim,
 
     m δ̈ = −N,    N = k_1 δ while δ grows,  N = k_1 δ_max − (k_1/ε²)(δ_max − δ) while it shrinks, never below 0,
     m v̇_t = −μ N tanh(u/u_0),    m k² ω̇ = R F_t,    u = v_t + R ω.
@@ -13,11 +13,11 @@ gives back the share ε of the normal velocity, and friction μ N against the sl
 | on paper | in code    | unit  | shape |                                                          |
 |----------|------------|-------|-------|----------------------------------------------------------|
 | a        | `FRICTION` | m/s²  |       | deceleration on the table                                |
-| δ        | `depth`    | m     | (n,)  | of the rim in the cushion                                |
-| u, u_0   | `slip`, `SLIP` | m/s | (n,) | slip of the rim, and the slip at which friction is full |
+| δ        | `depth`    | m     | (n,)  | penetration of the rim into the cushion                  |
+| u, u_0   | `slip`, `SLIP` | m/s | (n,) | slip of the rim, and slip that scales the smoothing     |
 | k_1      |            | 1/s²  |       | stiffness per mass: (π/(2 T_load))², T_load from `CONTACT` |
 
-Nothing of this uses an impact law or the code of the critique.
+None of this uses an impact law or code of the critique.
 """
 
 from collections.abc import Callable
@@ -35,13 +35,13 @@ from thesis_lib.simulate.rig.hidden_causes import NO_SIZE
 
 LENGTH, WIDTH = 1.2, 0.8  # m, between the cushions
 RADIUS, MASS = 0.04, 0.05  # m, kg
-RATE, NOISE, LOST = 120.0, 3e-4, 0.003  # Hz, m (one sigma), share of the frames that are lost
-DURATION = 1.6  # s, of a recording
+RATE, NOISE, LOST = 120.0, 3e-4, 0.003  # Hz, m (one sigma), share of lost frames
+DURATION = 1.6  # s, length of a recording
 FRICTION = 0.25  # m/s²
 MU, EPSILON = 0.12, 0.72
-CONTACT = 1e-3  # s, of a contact that loses nothing
+CONTACT = 1e-3  # s, duration of an elastic contact
 SLIP, STEP = 2e-3, 2e-6  # m/s, s
-SLOW = 0.05  # m/s: a slower puck is left where it is
+SLOW = 0.05  # m/s: a slower puck counts as at rest
 MOST_HITS = 40
 CUSHIONS = (
     Wall(name="south", point=(0.0, -WIDTH / 2), normal=(0.0, 1.0)),
@@ -54,12 +54,12 @@ DESCRIPTION = "example: a puck between four cushions, simulated; the table may n
 
 @dataclass(frozen=True)
 class Cushions:
-    """Causes that may be hidden, each at one cushion by its number, as arrays (4,).
+    """Properties of the four cushions that hidden causes may change, as arrays (4,) by number of the cushion.
 
     Attributes:
-        rise: of ε with the normal speed, s/m: ε (1 + rise (|v_n| − 1 m/s)).
+        rise: increase of ε with the normal speed, s/m: ε (1 + rise (|v_n| − 1 m/s)).
         epsilon, mu: restitution and friction.
-        out: m by which the cushion stands further out than dataset.yaml says.
+        out: distance in m by which the cushion is further out than stated in dataset.yaml.
     """
 
     rise: np.ndarray
@@ -70,7 +70,7 @@ class Cushions:
 
 @dataclass(frozen=True)
 class HiddenInATable:
-    """A cause: the field of `Cushions` that it changes, by how much by default, and what it means."""
+    """A hidden cause: the field of `Cushions` that it changes, the default change, and its meaning."""
 
     field: str
     size: float
@@ -78,18 +78,18 @@ class HiddenInATable:
 
 
 CAUSES = {
-    "quick_cushion": HiddenInATable("rise", 0.12, "s/m, by which the restitution of the east cushion rises with speed"),
+    "quick_cushion": HiddenInATable("rise", 0.12, "s/m, increase of the east cushion's restitution with speed"),
     "dead_cushion": HiddenInATable("epsilon", -0.08, "added to the restitution of the east cushion"),
     "rough_cushion": HiddenInATable("mu", 0.1, "added to the friction of the east cushion"),
-    "shifted_cushion": HiddenInATable("out", 3e-3, "m by which the east cushion stands further out than stated"),
+    "shifted_cushion": HiddenInATable("out", 3e-3, "m, distance of the east cushion beyond its stated place"),
 }
 EAST = 3
 Move = Callable[[np.ndarray, np.ndarray, np.ndarray, Cushions, np.ndarray], np.ndarray]
-FLOAT_FORMAT = "%.6f"  # a micrometre, far below the noise
+FLOAT_FORMAT = "%.6f"  # resolves a micrometre, far below the noise
 
 
 def hidden_table(hidden: str, size: float | None = None) -> Cushions:
-    """The table with a cause of `CAUSES`, or "nothing"; UserError for others and for impossible sizes."""
+    """The cushions with a hidden cause of `CAUSES`, or "nothing"; UserError for unknown causes and impossible sizes."""
     table = Cushions(np.zeros(4), np.full(4, EPSILON), np.full(4, MU), np.zeros(4))
     if hidden == "nothing":
         if size is not None:
@@ -109,9 +109,9 @@ def hidden_table(hidden: str, size: float | None = None) -> Cushions:
 def simulate_puck(
     name: str, hidden: str, *, size: float | None = None, trials: int = 60, seed: int = 0, move: Move | None = None
 ) -> Dataset:
-    """Recordings of a puck with the cause `hidden` of `CAUSES`, or "nothing", as the owner of the table has them.
+    """Simulate recordings of a puck with the cause `hidden` of `CAUSES`, or "nothing", as the table's owner has them.
 
-    `move` is what moves it: `slide`, or another simulator's function with the same arguments.
+    `move` simulates the motion: `slide` (the default), or a function of another simulator with the same arguments.
 
     Raises:
         UserError: the cause is unknown, its size impossible, or there are no trials.
@@ -136,7 +136,7 @@ def simulate_puck(
 
 
 def believed_header() -> Header:
-    """dataset.yaml as the owner of the table writes it."""
+    """Header (dataset.yaml) as the owner of the table writes it."""
     body = {
         "shape": {"kind": "disk", "radius": RADIUS},
         "mass": MASS,
@@ -174,7 +174,7 @@ def slide(q: np.ndarray, v: np.ndarray, omega: np.ndarray, table: Cushions, time
         if not len(moving):
             break
         speed = np.hypot(*v[moving].T)
-        # the way to each cushion along the direction of motion
+        # distance to each cushion along the direction of motion
         gap = np.einsum("nwk,wk->nw", q[moving][:, None] - points, normals) - RADIUS
         closing = -(v[moving] @ normals.T) / speed[:, None]
         way = np.where(closing > 1e-9, np.maximum(gap, 0.0) / np.where(closing > 1e-9, closing, 1.0), np.inf)
@@ -202,14 +202,14 @@ def slide(q: np.ndarray, v: np.ndarray, omega: np.ndarray, table: Cushions, time
 def _strike(
     rows: np.ndarray, wall: np.ndarray, states: list[np.ndarray], table: Cushions, times: np.ndarray, path: np.ndarray
 ) -> None:
-    """Integrate the contacts of the pucks `rows` with the cushions `wall`; changes the states and the path."""
+    """Integrate the contacts of the pucks `rows` with the cushions `wall`; modify the states and the path."""
     q, v, omega, now = states
     normal = np.stack([one.n for one in CUSHIONS])[wall]
     tangent = np.column_stack([normal[:, 1], -normal[:, 0]])
     v_n, v_t = (np.einsum("nk,nk->n", v[rows], axis) for axis in (normal, tangent))
     spin = omega[rows].copy()
     epsilon = np.clip(table.epsilon[wall] * (1.0 + table.rise[wall] * (np.abs(v_n) - 1.0)), 0.05, 0.98)
-    k_1 = (np.pi / CONTACT) ** 2  # a quarter period of loading is half of the contact
+    k_1 = (np.pi / CONTACT) ** 2  # a quarter period of loading is half of the elastic contact
     k_2, mu, k2 = k_1 / epsilon**2, table.mu[wall], RADIUS**2 / 2.0
     depth, most, along = np.zeros(len(rows)), np.zeros(len(rows)), np.zeros(len(rows))
     touching, elapsed = np.ones(len(rows), bool), np.zeros(len(rows))
@@ -228,7 +228,7 @@ def _strike(
             if times[first[i]] <= now[rows[i]] + elapsed[i]:
                 path[rows[i], first[i]] = q[rows[i]] + along[i] * tangent[i] - depth[i] * normal[i]
                 first[i] += 1
-        # the spring is unloaded before the dent is gone
+        # the spring is unloaded before the dent has recovered
         touching &= ~((v_n > 0.0) & (k_1 * most <= k_2 * (most - depth)))
     q[rows] += along[:, None] * tangent - depth[:, None] * normal
     v[rows] = v_n[:, None] * normal + v_t[:, None] * tangent

@@ -1,1 +1,1 @@
-"""Tosses of a body in space: releases, hidden causes, camera, and our own compliant contact."""
+"""Simulated tosses of a body in space: releases, hidden causes, camera, and our own compliant contact."""

@@ -1,4 +1,4 @@
-"""Tosses as a camera writes them: its own axes, a tracked frame anywhere on the body, noise, filters, lost frames."""
+"""Tosses as recorded by a camera: its own axes, a tracked frame anywhere on the body, noise, filters, lost frames."""
 
 import numpy as np
 import pandas as pd
@@ -17,31 +17,31 @@ from thesis_lib.simulate.rig.smoothing import smoothed
 from thesis_lib.simulate.rig.tracker import FilterName, lost_poses
 from thesis_lib.simulate.tosses.world import TossedWorld, TossEngine, released
 
-LAG = "time_lag.lag"  # here the orientation truly is older
-FLIP = (0.0, 0.7, 0.0)  # rad, turn between the two poses of a tag, in its axes
-START = 0.02  # s after the release, longer than any lag
+LAG = "time_lag.lag"  # applied here by simulating the orientation at earlier times
+FLIP = (0.0, 0.7, 0.0)  # rad, rotation vector between the two ambiguous poses of a tag, in its axes
+START = 0.02  # s after the release, start of the recording; longer than any lag
 
 
 class CameraInSpace(Section):
-    """How tosses are recorded; rate and noise stand in the header."""
+    """Settings of the recording of tosses; rate and noise are in the header."""
 
-    seconds: float = Field(1.0, gt=0, le=10, description="s, a toss")
+    seconds: float = Field(1.0, gt=0, le=10, description="s per toss")
     irregular: float = Field(
-        0.0, ge=0, lt=0.5, description="of frames: they are taken early or late by so much of 1/rate"
+        0.0, ge=0, lt=0.5, description="largest deviation of a frame's time from regular, as a share of 1/rate"
     )
-    stamps: float = Field(0.0, ge=0, le=1e-3, description="s, one sigma of what stamps are off by")
+    stamps: float = Field(0.0, ge=0, le=1e-3, description="s, one sigma of the errors of time stamps")
     dropped: float = Field(0.0, ge=0, lt=1, description="share of frames that are not written")
     bursts: float = Field(0.0, ge=0, le=1, description="share of tosses in which a run of `burst_length` is lost")
-    burst_length: int = Field(6, ge=1, description="frames in that run")
+    burst_length: int = Field(6, ge=1, description="number of frames in such a run")
     flips: float = Field(0.0, ge=0, lt=1, description="share of frames in which a tag is read in its other pose")
-    filter: FilterName = Field("none", description="what smooths the poses before they are written")
-    cutoff: float = Field(40.0, gt=0, description="Hz; there the filter's gain is 1/√2")
+    filter: FilterName = Field("none", description="filter that smooths the poses before they are written")
+    cutoff: float = Field(40.0, gt=0, description="Hz, at which the filter's gain is 1/√2")
 
 
 def film(
     name: str, world: TossedWorld, engine: TossEngine, camera: CameraInSpace, tosses: int, rng: np.random.Generator
 ) -> Dataset:
-    """The recording of `tosses` releases, with the header that their owner believes."""
+    """Simulate and record `tosses` releases; the dataset has the header as its owner believes it."""
     header, rate = world.header, world.header.rate or 240.0
     release_rng, frame_rng, noise_rng, lost_rng = rng.spawn(4)
     release = released(world, tosses, release_rng)
@@ -64,7 +64,7 @@ def film(
 
 
 def _seen(world: TossedWorld, engine: TossEngine, release: State, taken: np.ndarray) -> State:
-    """The tracked poses in axes of the recording at times (n, k), without noise, one toss after the other."""
+    """Tracked poses in the axes of the recording at times (n, k), without noise, one toss after the other."""
     rig, (frame,) = world.rig, surface_frames(world.header)
     assert rig.tracked is not None
     lag, hidden = world.of(LAG), {name: size for name, size in world.hidden.items() if name != LAG}
@@ -77,7 +77,7 @@ def _seen(world: TossedWorld, engine: TossEngine, release: State, taken: np.ndar
 
 
 def _with_noise(states: State, header: SpaceHeader, rng: np.random.Generator) -> np.ndarray:
-    """Poses (7, n) with the header's noise."""
+    """Poses (7, n) with the noise stated in the header."""
     noise, size = header.noise, len(states)
     position, rotation = (noise.position or (0.0,) * 3, noise.rotation or 0.0) if noise else ((0.0,) * 3, 0.0)
     place = states.position + np.array(position)[:, None] * rng.standard_normal((3, size))
@@ -85,7 +85,7 @@ def _with_noise(states: State, header: SpaceHeader, rng: np.random.Generator) ->
 
 
 def _filtered(poses: np.ndarray, camera: CameraInSpace, rate: float) -> np.ndarray:
-    """Poses (7, n, k) smoothed, quaternions by their numbers, which do not jump in sign."""
+    """Smoothed poses (7, n, k); quaternions are smoothed by component, after sign changes have been removed."""
     q = poses[3:]
     signs = np.sign((q[..., 1:] * q[..., :-1]).sum(axis=0))
     q = q * np.concatenate([np.ones((q.shape[1], 1)), np.cumprod(signs, axis=1)], axis=1)

@@ -1,23 +1,23 @@
-"""Causes that the proof hides in tosses in space: the range of each, and causes in the contact itself.
+"""Causes that the proof hides in tosses in space: range of sizes for each, and definition of causes in the contact.
 
-Causes of body, table, air and camera stand in `thesis_lib.simulate.rig.causes_in_space`.  Those of the contact, with u
-the direction of the surface from the body in axes of its shape, v_n the speed of approach and v_t that of the slip:
+Causes in body, table, air and camera are in `thesis_lib.simulate.rig.causes_in_space`.  Causes in the contact, where u
+is the direction to the surface in axes of the body's shape, v_n the speed of approach and v_t the speed of the slip:
 
-| cause                             | in code         | unit | what it does to ε or μ                                  |
+| cause                             | in code         | unit | effect on ε or μ                                        |
 |-----------------------------------|-----------------|------|---------------------------------------------------------|
 | velocity_dependent_restitution    | c               | s/m  | ε exp(−c v_n), v_n at the touch                         |
 | velocity_dependent_friction       | s, v_s          | 1, m/s | μ (1 + s exp(−(v_t / v_s)²))                          |
 | position_dependent_...            | g_..._x, _y     | 1/m  | times 1 + g · (t_1, t_2) of the contact point           |
 | orientation_dependent_...         | a_x, a_y, a_z   | 1    | times 1 + a · u, u at the touch                         |
 | later_restitution, later_friction | d               | 1    | times 1 + d, from `LATER` after the first touch on      |
-| sliding_friction                  | d_mu            | 1    | μ + d_mu where nothing has hit it for `SUPPORTED`       |
+| sliding_friction                  | d_mu            | 1    | μ + d_mu if there has been no hit for `SUPPORTED`       |
 | contact_torque                    | m_r             | m    | a couple against rolling, at most m_r times the force   |
 | torsional_friction                | m_t             | m    | a couple about the normal, in one cone with the slip    |
 | anisotropic_friction              | a_c, a_s        | 1    | μ (1 + [[a_c, a_s], [a_s, −a_c]]), an ellipse           |
-| moving_surface                    | V_x, V_y        | m/s  | the slip is that against a surface that moves           |
-| curved_surface                    | κ, x_0, y_0     | 1/m, m | none: each ball has the normal where it touches       |
-| position_dependent_contact_time   | g_tau_x, _y     | 1/m  | none: the spring times 1 − 2 g · (t_1, t_2)             |
-| orientation_dependent_contact_time | a_x, a_y, a_z  | 1    | none: the spring times exp(−2 a · u), u at the touch   |
+| moving_surface                    | V_x, V_y        | m/s  | slip is measured relative to the moving surface         |
+| curved_surface                    | κ, x_0, y_0     | 1/m, m | none: the normal is that at each ball's contact point |
+| position_dependent_contact_time   | g_tau_x, _y     | 1/m  | none: stiffness times 1 − 2 g · (t_1, t_2)              |
+| orientation_dependent_contact_time | a_x, a_y, a_z  | 1    | none: stiffness times exp(−2 a · u), u at the touch    |
 """
 
 from collections.abc import Mapping
@@ -25,20 +25,20 @@ from dataclasses import dataclass
 
 import numpy as np
 
-LATER = 0.03  # s after the first touch of a toss; what touches then belongs to a later hit
-SUPPORTED = 0.015  # s without a hit, after which a body that touches is supported
-HIT = 0.1  # m/s of approach: a slower touch does not count as a hit
+LATER = 0.03  # s after the first touch of a toss, after which touches count as later hits
+SUPPORTED = 0.015  # s without a hit, after which a touching body counts as supported
+HIT = 0.1  # m/s of approach; a slower touch does not count as a hit
 
 
 @dataclass(frozen=True)
 class Range:
-    """The sizes of a cause.
+    """Range from which the size of a cause is drawn.
 
     Attributes:
-        values: names of the parameters that share the size, several as components of a vector.
-        low, high: limits of the size, drawn evenly in its logarithm; both signs occur if it is `signed`.
-        fixed: further parameters.
-        choices: of a discrete cause, the values that it can have.
+        values: names of the parameters that have the size; several are components of a vector of this length.
+        low, high: limits of the size, whose logarithm is drawn uniformly; both signs occur if `signed`.
+        fixed: further parameters with fixed values.
+        choices: possible values of a discrete cause.
     """
 
     values: tuple[str, ...]
@@ -49,7 +49,7 @@ class Range:
     choices: tuple[float, ...] = ()
 
     def drawn(self, rng: np.random.Generator) -> dict[str, float]:
-        """Parameters of a size from the range, in a direction or with a sign from all."""
+        """Draw parameters: a size from the range, with a random direction or sign."""
         if self.choices:
             return {self.values[0]: float(self.choices[rng.integers(len(self.choices))])}
         size = np.exp(rng.uniform(np.log(self.low), np.log(self.high)))
@@ -94,7 +94,7 @@ RANGES: Mapping[str, Range] = {
     "wrong_inertia": Range(("d_I",), 0.1, 0.3),
     "wrong_size": Range(("s",), 0.02, 0.05),
 }
-RANGES_OF_MORE: Mapping[str, Range] = {  # causes that entered the library after those
+RANGES_OF_MORE: Mapping[str, Range] = {  # causes that were added to the library later
     "anisotropic_friction": Range(("a_c", "a_s"), 0.2, 0.4),
     "curved_surface": Range(("kappa",), 0.1, 0.3, fixed={"x_0": 0.0, "y_0": 0.0}),
     "inertia_axes": Range(_vector("b_"), 0.1, 0.3),
@@ -105,8 +105,8 @@ RANGES_OF_MORE: Mapping[str, Range] = {  # causes that entered the library after
     "spin_damping": Range(("c_w",), 0.3, 1.0, signed=False),
 }
 AIR = ("linear_drag", "spin_damping", "quadratic_drag", "magnus")
-CORNERED = ("rounded_corners", "angle_offset")  # what a sphere cannot show
-NOT_IN_MUJOCO = (  # it has no element for them
+CORNERED = ("rounded_corners", "angle_offset")  # causes without effect on a sphere
+NOT_IN_MUJOCO = (  # causes for which MuJoCo has no element
     *("contact_torque", "velocity_dependent_friction", "anisotropic_friction", "curved_surface", "moving_surface"),
     *("orientation_dependent_contact_time", "position_dependent_contact_time"),
 )
@@ -116,7 +116,7 @@ NOT_IN_DRAKE = (
     *("position_dependent_friction", "orientation_dependent_friction", "later_restitution", "later_friction"),
     *("sliding_friction", "torsional_friction"),
 )
-# causes without an effect of the library, and the ranges of their parameters (`simulate.mujoco.outside`)
+# causes that no effect of the library describes, and ranges of their parameters (`simulate.mujoco.outside`)
 OUTSIDE: Mapping[str, Mapping[str, tuple[float, float]]] = {
     "loose_mass": {"share": (0.15, 0.4), "frequency": (4.0, 15.0), "damping": (0.05, 0.2)},
     "two_materials": {"edge": (-0.03, 0.03), "friction": (1.6, 2.5), "restitution": (0.5, 0.75)},

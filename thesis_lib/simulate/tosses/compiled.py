@@ -1,19 +1,19 @@
-"""Tosses of a rigid body on balls over a plane, compiled: flight, springs and dampers at all points that touch.
+"""Tosses of a rigid body whose contact points are balls, over a plane, compiled: flight, and springs and dampers.
 
-numba compiles this file at the first call, in some seconds, and keeps the result beside it.  What is compiled must
-stand here, since numba does not see changes of functions in other files.  It shares no line with the contacts of the
-critique (`contact`): these tosses are the truth by which that is judged.
+numba compiles this file at the first call, within seconds, and caches the result beside it.  All compiled functions
+must be in this file, since numba does not notice changes of functions in other files.  No code is shared with the
+contacts of the critique (`contact`): these tosses are the ground truth by which the critique is judged.
 
-A ball at the depth δ with the rate δ̇ is pushed by max(0, k δ + d δ̇) along the normal, once for each ball.  d follows
-from the restitution that the contact has at its touch.  Friction and the couples at a contact hold what slips or turns
-after the pushes of the step, up to
+The force on a ball at depth δ with rate δ̇ is max(0, k δ + d δ̇) along the normal, separately for each ball.  d follows
+from the restitution at the touch.  After the normal forces of a time step, friction and couples stop the slip and the
+rotation at a contact within the limits
 
-    |f_t|² / μ² + τ_n² / m_t²  ≤  f_n²,     |τ_t|  ≤  m_r f_n,
+    |f_t|² / μ² + τ_n² / m_t²  ≤  f_n²,     |τ_t|  ≤  m_r f_n;
 
-and beyond it act where they take most energy; |M⁻¹ f_t| ≤ f_n where friction is anisotropic.  Steps are half a drift,
-a kick, half a drift; where no ball can touch within it, a step is `FLIGHT` long.  In the step in which a ball touches
-it is pushed from there on only: what a hit returns would hang on where in its step it begins, by 0.15 % of its speed
-with 400 steps in a contact.
+at the limits they dissipate as much energy as possible.  Anisotropic friction has the limit |M⁻¹ f_t| ≤ f_n.  A step is
+half a drift, a kick, and half a drift; its length is `FLIGHT` if no ball can touch within it.  In the step of a touch
+the ball is pushed only from the touch on; otherwise the rebound would depend on the instant of the touch within the
+step, by 0.15 % of the speed with 400 steps per contact.
 """
 
 from typing import NamedTuple
@@ -21,28 +21,28 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-FLIGHT = 2e-4  # s
-SLOWEST = 1e-9  # m/s and rad/s
-RESTING, RESTS = 1e-3, 0.03  # m/s, for so long in s: the body lies still
+FLIGHT = 2e-4  # s, time step in flight
+SLOWEST = 1e-9  # m/s and rad/s, smallest speed that counts as motion
+RESTING, RESTS = 1e-3, 0.03  # m/s and s: a body that is slower for this long has come to rest
 
 compiled = njit(cache=True, error_model="numpy")
 
 
 class OnBalls(NamedTuple):
-    """A body, its contact and what is hidden, in SI units; vectors as in `world`."""
+    """A body with its contact and hidden causes, in SI units; vectors are in the axes of `world`."""
 
     balls: np.ndarray  # (k, 3) from the true centre of mass
     radius: float
     mass: float
     tensor: np.ndarray  # (3, 3)
-    inverse: np.ndarray  # of the tensor
-    easiest: float  # its largest eigenvalue
+    inverse: np.ndarray  # inverse of the tensor
+    easiest: float  # largest eigenvalue of the inverse
     gravity: np.ndarray
     height: float
     mu: float
     epsilon: float
     stiffness: float
-    dt: float  # step in contact
+    dt: float  # time step in contact
     drag: tuple[float, float]  # linear, quadratic
     magnus: float
     spin_damping: float
@@ -54,10 +54,10 @@ class OnBalls(NamedTuple):
     friction_by_place: np.ndarray
     restitution_by_face: np.ndarray
     friction_by_face: np.ndarray
-    later: tuple[float, float]  # restitution and friction, less 1
-    sliding: float  # friction while supported, less the usual one
-    bowl: tuple[float, float, float]  # curvature of the surface, its lowest place
-    ellipse: tuple[float, float]  # of friction: a_c, a_s
+    later: tuple[float, float]  # relative changes of restitution and friction in later hits
+    sliding: float  # change of friction while the body is supported
+    bowl: tuple[float, float, float]  # curvature of the surface, x and y of its lowest point
+    ellipse: tuple[float, float]  # anisotropy of friction: a_c, a_s
     moving: tuple[float, float]  # velocity of the surface
     time_by_place: np.ndarray
     time_by_face: np.ndarray
@@ -66,7 +66,7 @@ class OnBalls(NamedTuple):
 
 @compiled
 def _matrix(q):
-    """R by rows (9,) of a unit quaternion."""
+    """Rotation matrix R, by rows (9,), of a unit quaternion."""
     w, x, y, z = q
     return (
         *(1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - w * z), 2.0 * (x * z + w * y)),
@@ -97,7 +97,7 @@ def _spin(world, R, L):
 
 @compiled
 def _turned(q, spin, h):
-    """Attitude after a turn with a constant spin."""
+    """Attitude after a rotation with constant spin for h."""
     rate = np.sqrt(spin[0] ** 2 + spin[1] ** 2 + spin[2] ** 2)
     half = 0.5 * h * rate
     share = 0.5 * h if half < 1e-6 else np.sin(half) / rate
@@ -115,14 +115,14 @@ def _turned(q, spin, h):
 
 @compiled
 def _attitude(world, q, L, h):
-    """Attitude after h at constant momentum: the spin is that of the middle of the step."""
+    """Attitude after h at constant angular momentum, by the spin in the middle of the step."""
     middle = _turned(q, _spin(world, _matrix(q), L), 0.5 * h)
     return _turned(q, _spin(world, _matrix(middle), L), h)
 
 
 @compiled
 def _flight(world, v, spin):
-    """Gravity and air (3,) in N."""
+    """Force (3,) of gravity and air in N."""
     (x, y, z), (a, b, c), g, lift = v, spin, world.gravity, world.magnus
     drag = world.drag[0] + world.drag[1] * np.sqrt(x * x + y * y + z * z)
     return (
@@ -134,13 +134,13 @@ def _flight(world, v, spin):
 
 @compiled
 def _along(by_face, R):
-    """a · u of a vector in axes of the body and the direction to the surface."""
+    """Product a · u of a vector a in axes of the body and the direction u to the surface."""
     return -(by_face[0] * R[6] + by_face[1] * R[7] + by_face[2] * R[8])
 
 
 @compiled
 def _damping(epsilon):
-    """ζ of a spring and a damper, without pull, that give the share ε of the speed back (Schwager and Pöschel 2007)."""
+    """Damping ratio ζ of a spring and damper, without pull, for restitution ε (Schwager and Pöschel 2007)."""
     low, high = 0.0, 20.0
     for _ in range(60):
         z = 0.5 * (low + high)
@@ -159,14 +159,14 @@ def _damping(epsilon):
 
 @compiled
 def _slope(world, x, y):
-    """Slope (2,) of the surface at a place, and its height in m over its lowest one."""
+    """Slope (2,) of the surface at a place, and its height in m above its lowest point."""
     curvature, x_0, y_0 = world.bowl
     return curvature * (x - x_0), curvature * (y - y_0), 0.5 * curvature * ((x - x_0) ** 2 + (y - y_0) ** 2)
 
 
 @compiled
 def _lands(world, R, x, y, speed, later):
-    """Spring in N/m, damper in N s/m and friction of a ball that touches at the place x, y with `speed` in m/s."""
+    """Stiffness in N/m, damping in N s/m and friction of a ball that touches at the place x, y at `speed` in m/s."""
     epsilon = world.epsilon * np.exp(-world.restitution_by_speed * speed)
     epsilon *= 1.0 + world.restitution_by_place[0] * x + world.restitution_by_place[1] * y
     epsilon *= 1.0 + _along(world.restitution_by_face, R)
@@ -182,7 +182,7 @@ def _lands(world, R, x, y, speed, later):
 
 @compiled
 def _mobility(world, R, r):
-    """The largest change of velocity of the point r along the surface by a unit impulse along the surface, in 1/kg."""
+    """Largest velocity change of the point r along the surface due to a unit impulse along the surface, in 1/kg."""
     w, u = _spin(world, R, (0.0, r[2], -r[1])), _spin(world, R, (-r[2], 0.0, r[0]))
     a, b = 1.0 / world.mass + w[1] * r[2] - w[2] * r[1], w[2] * r[0] - w[0] * r[2]
     c = 1.0 / world.mass + u[2] * r[0] - u[0] * r[2]
@@ -191,7 +191,7 @@ def _mobility(world, R, r):
 
 @compiled
 def _in_ellipse(ellipse, s_x, s_y, push, mu, loosest):
-    """As `_friction`, of |M⁻¹ f| ≤ f_n with M = μ (1 + [[a_c, a_s], [a_s, −a_c]]); no couple."""
+    """Like `_friction`, with the limit |M⁻¹ f| ≤ f_n, M = μ (1 + [[a_c, a_s], [a_s, −a_c]]), and no couple."""
     a, b, c = mu * (1.0 + ellipse[0]), mu * ellipse[1], mu * (1.0 - ellipse[0])
     f_x, f_y = -s_x / loosest, -s_y / loosest
     x, y = (c * f_x - b * f_y) / (a * c - b * b), (a * f_y - b * f_x) / (a * c - b * b)
@@ -204,7 +204,7 @@ def _in_ellipse(ellipse, s_x, s_y, push, mu, loosest):
 
 @compiled
 def _friction(world, s_x, s_y, turning, push, mu, loosest, easiest):
-    """Force (2,) in N and couple in N m about the normal on what slips and turns; the two mobilities per step."""
+    """Friction force (2,) in N and couple in N m about the normal; `loosest`, `easiest`: mobilities times the step."""
     slip = np.sqrt(s_x * s_x + s_y * s_y)
     if world.friction_by_speed[0] != 0.0:
         mu *= 1.0 + world.friction_by_speed[0] * np.exp(-((slip / world.friction_by_speed[1]) ** 2))
@@ -223,7 +223,7 @@ def _friction(world, s_x, s_y, turning, push, mu, loosest, easiest):
 
 @compiled
 def toss(world, place, attitude, velocity, spinning, times, poses):
-    """Poses (k, 7) of the true centre of mass at rising times (k,) in s, from its state (3,), (4,), (3,), (3,)."""
+    """Write poses (k, 7) of the centre of mass at rising times (k,) in s, from its state (3,), (4,), (3,), (3,)."""
     points = len(world.balls)
     spring, damper, mu, touching = np.zeros(points), np.zeros(points), np.zeros(points), np.zeros(points, np.bool_)
     r, pushes, normal = np.empty((points, 3)), np.empty(points), np.empty((points, 3))
@@ -256,14 +256,14 @@ def toss(world, place, attitude, velocity, spinning, times, poses):
         turning = np.sqrt(spin[0] ** 2 + spin[1] ** 2 + spin[2] ** 2)
         if v_x * v_x + v_y * v_y + v_z * v_z + (reach * turning) ** 2 > RESTING**2:
             moved = t
-        elif t - moved > RESTS:  # it lies where it is
+        elif t - moved > RESTS:  # the body has come to rest and keeps its pose
             t = times[-1]
             continue
         lowest = np.inf
         for k in range(points):
             b = world.balls[k]
             lowest = min(lowest, R[6] * b[0] + R[7] * b[1] + R[8] * b[2])
-        # farther from the surface than any ball comes in a flight step?
+        # a step in contact is needed if a ball may reach the surface within a flight step
         nearer = FLIGHT * (max(-v_z, 0.0) + reach * turning + 0.02)
         aside = np.sqrt((x - world.bowl[1]) ** 2 + (y - world.bowl[2]) ** 2) + reach
         highest = world.height + 0.5 * max(world.bowl[0], 0.0) * aside**2
@@ -280,7 +280,7 @@ def toss(world, place, attitude, velocity, spinning, times, poses):
             b = world.balls[k]
             r[k, 0], r[k, 1], r[k, 2] = _rotated(R, b[0], b[1], b[2])
             p_x, p_y, _ = _slope(world, x + r[k, 0], y + r[k, 1])
-            wider = 1.0 - world.bowl[0] * world.radius  # the ball touches where its normal meets it
+            wider = 1.0 - world.bowl[0] * world.radius  # the normal at the contact passes through the ball's centre
             p_x, p_y = p_x / wider, p_y / wider
             steep = np.sqrt(1.0 + p_x * p_x + p_y * p_y)
             u_x, u_y, u_z = -p_x / steep, -p_y / steep, 1.0 / steep
@@ -292,7 +292,7 @@ def toss(world, place, attitude, velocity, spinning, times, poses):
             rate = -(v_z + spin[0] * r[k, 1] - spin[1] * r[k, 0]) * u_z
             rate -= (v_x + spin[1] * r[k, 2] - spin[2] * r[k, 1]) * u_x
             rate -= (v_y + spin[2] * r[k, 0] - spin[0] * r[k, 2]) * u_y
-            share = 1.0  # of the step in which it touches
+            share = 1.0  # part of the step during which the ball touches
             if not touching[k]:
                 if rate > SLOWEST:
                     share = min(0.5 + depth / (rate * h), 1.0)
@@ -316,7 +316,7 @@ def toss(world, place, attitude, velocity, spinning, times, poses):
                 n_z += r[k, 0] * p_y - r[k, 1] * p_x
         v_x, v_y, v_z = v_x + h * f_x / world.mass, v_y + h * f_y / world.mass, v_z + h * f_z / world.mass
         L = (L[0] + h * n_x, L[1] + h * n_y, L[2] + h * n_z)
-        if pressing:  # friction and couples see what the pushes of the step have done
+        if pressing:  # friction and couples act on the motion after the normal forces of the step
             spin = _spin(world, R, L)
         f_x, f_y, f_z, n_x, n_y, n_z = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
         for k in range(points if pressing else 0):
@@ -333,7 +333,7 @@ def toss(world, place, attitude, velocity, spinning, times, poses):
             steps = h * pressing
             held = steps * _mobility(world, R, r[k])
             g_x, g_y, couple = _friction(world, s_x, s_y, turning, push, own, held, steps * world.easiest)
-            g_z = -(g_x * u_x + g_y * u_y) / u_z  # along the surface
+            g_z = -(g_x * u_x + g_y * u_y) / u_z  # keeps the force along the surface
             f_x, f_y, f_z = f_x + g_x, f_y + g_y, f_z + g_z
             n_x += r[k, 1] * g_z - r[k, 2] * g_y + couple * u_x
             n_y += r[k, 2] * g_x - r[k, 0] * g_z + couple * u_y

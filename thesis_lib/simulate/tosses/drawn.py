@@ -1,9 +1,9 @@
-"""Sets of tosses drawn from one seed: body, contact, camera, noise and what is hidden.
+"""Sets of tosses drawn at random from one seed: body, contact, camera, noise and hidden cause.
 
-`NOTHING_HIDDEN` sets hide nothing, and each cause of `RANGES` is hidden twice: once in our own compliant contact and
-once in MuJoCo, where it has an element for it.  The camera's axes are turned at random, so that up points anywhere; the
-tracked frame lies off the centre, turned at random, and is stated.  What is smoothed states no noise, as its owner sees
-only what is written.
+`NOTHING_HIDDEN` sets hide nothing, and each cause of `RANGES` is hidden twice: once with our own compliant contact and
+once in MuJoCo, if MuJoCo has an element for it.  The camera's axes are rotated at random; "up" may therefore point in
+any direction.  The tracked frame is off the centre, rotated at random, and stated.  Smoothed sets state no noise, since
+their owner sees only the recorded poses.
 """
 
 from collections.abc import Mapping, Sequence
@@ -25,7 +25,7 @@ from thesis_lib.simulate.tosses.camera import CameraInSpace, film
 from thesis_lib.simulate.tosses.causes import CORNERED, NOT_IN_MUJOCO, RANGES, RANGES_OF_MORE
 from thesis_lib.simulate.tosses.world import TossedWorld, TossEngine
 
-SEED = 4600  # of everything that is drawn
+SEED = 4600  # seed of all random draws
 WORLDS = ("own", "mujoco")
 NOTHING = "nothing"
 NOTHING_HIDDEN, OF_EACH_CAUSE = 20, 2
@@ -41,7 +41,7 @@ DRAWN = (
 
 @dataclass(frozen=True)
 class SpaceCase:
-    """One dataset: its world, what is hidden, and its number."""
+    """One dataset: its world (simulator), its hidden cause (truth), and its number (seed)."""
 
     world: str
     truth: str
@@ -60,18 +60,18 @@ class SpaceCase:
 
     @property
     def drawn(self) -> dict:
-        """Values drawn for the set, `DRAWN`: SI units and rad; `hidden` by effect and parameter."""
+        """Values drawn for the set (`DRAWN`), in SI units and rad; `hidden` by effect and parameter."""
         return _drawn(self)
 
 
 def drawn_number(rng: np.random.Generator, low: float, high: float, log: bool = True) -> float:
-    """A number between limits, even in its logarithm or in itself, with three digits."""
+    """Draw a number between limits, uniform in its logarithm or in itself, rounded to three digits."""
     value = np.exp(rng.uniform(np.log(low), np.log(high))) if log else rng.uniform(low, high)
     return float(f"{value:.3g}")
 
 
 def recording(rng: np.random.Generator, shapes: Sequence[str]) -> dict:
-    """Body, contact, camera and noise, all but filter and stamps."""
+    """Draw body, contact, camera and noise; the filter's cutoff and irregular frame times are drawn later."""
     between = partial(drawn_number, rng)
     return {
         "shape": shapes[int(rng.integers(len(shapes)))],
@@ -105,7 +105,7 @@ def _drawn(case: SpaceCase) -> dict:
 
 
 def cases() -> list[SpaceCase]:
-    """All datasets, worlds and truths mixed: a part of them counts as the whole would."""
+    """All datasets, with worlds and truths mixed evenly: any part represents the whole."""
     wanted = {(world, NOTHING): NOTHING_HIDDEN // len(WORLDS) for world in WORLDS}
     for cause in RANGES:
         worlds = [world for world in WORLDS if world == "own" or cause not in NOT_IN_MUJOCO]
@@ -114,7 +114,7 @@ def cases() -> list[SpaceCase]:
 
 
 def spread(wanted: Mapping[tuple[str, str], int], case: type[CaseType], rng: np.random.Generator) -> list[CaseType]:
-    """So many cases of each world and truth, in an order in which every part has its share of all."""
+    """Cases of each world and truth in the `wanted` numbers, in an order in which every part represents the whole."""
     placed = []
     for (world, truth), n in wanted.items():
         shift = rng.uniform()
@@ -123,20 +123,20 @@ def spread(wanted: Mapping[tuple[str, str], int], case: type[CaseType], rng: np.
 
 
 def hidden_size(truth: str, drawn: Mapping, rng: np.random.Generator) -> dict[str, float]:
-    """A size from the range of the cause that a body can have; {} for nothing."""
+    """Draw a size of a cause from its range, such that the body is possible; {} for "nothing"."""
     while truth != NOTHING:
         sizes = {**RANGES, **RANGES_OF_MORE}[truth].drawn(rng)
         hidden = {f"{truth}.{name}": value for name, value in sizes.items()}
         try:
             _ = TossedWorld(header_of(drawn, np.array([0.0, 0.0, 1.0]), rng), hidden=hidden).rig
-        except ValidationError:  # no body has such an inertia
+        except ValidationError:  # no body can have such an inertia
             continue
         return hidden
     return {}
 
 
 def header_of(drawn: Mapping, up: np.ndarray, rng: np.random.Generator) -> SpaceHeader:
-    """Dataset header as the owner believes it, with a tracked frame anywhere on the body."""
+    """Dataset header as the owner believes it, with a tracked frame at a random place on the body."""
     shape = _shape(drawn["shape"], 0.04 * drawn["size"])
     off, turn = rng.standard_normal(3), of_rotation_vector(2.0 * rng.standard_normal((3, 1)))[:, 0]
     off *= rng.uniform(0.02, 0.06) / np.linalg.norm(off)
@@ -155,7 +155,7 @@ def header_of(drawn: Mapping, up: np.ndarray, rng: np.random.Generator) -> Space
 
 
 def _shape(name: str, size: float) -> dict:
-    """A shape about as large as a cube with half edges of `size` in m."""
+    """A shape about as large as a cube with half-edges of `size` in m."""
     if name == "sphere":
         return {"kind": "sphere", "radius": size}
     if name == "ellipsoid":
@@ -169,7 +169,7 @@ def _shape(name: str, size: float) -> dict:
 
 
 def _bracket() -> str:
-    """An L of two legs as a Wavefront file, in units of the size, with the corner of the L at its origin."""
+    """An L-shaped bracket as a Wavefront file, in units of the size, with the corner of the L at the origin."""
     outline = ((0.0, 0.0), (2.4, 0.0), (2.4, 0.8), (0.8, 0.8), (0.8, 2.4), (0.0, 2.4))
     ends = [(0, 1, 2), (0, 2, 3), (0, 3, 4), (0, 4, 5)]
     n = len(outline)
@@ -181,7 +181,7 @@ def _bracket() -> str:
 
 
 def make(case: SpaceCase, engine: TossEngine) -> Dataset:
-    """The tosses of a case as its owner has them."""
+    """Simulate the tosses of a case as their owner has them."""
     salt = f"tosses of the {case.proof}", case.world, case.truth, str(case.seed)
     drawn, rng = case.drawn, generator(case.seed_of_all, *salt)
     up = rotated(of_rotation_vector(2.0 * rng.standard_normal((3, 1))), np.array([[0.0], [0.0], [1.0]]))[:, 0]

@@ -1,9 +1,9 @@
-"""Sets of tosses in three worlds, drawn from one seed: nothing, one cause, a pair of causes, or one that has no effect.
+"""Sets of tosses in three worlds, drawn from one seed, with no cause, one, a pair, or one outside the library.
 
-The worlds are our own contact, MuJoCo and Drake; the bodies those of `SHAPES_IN`.  Every third set or so is recorded as
-real ones are: smoothed by one of `FILTERS`, or with a tag whose orientation flips in some frames.  A cause is hidden in
-all worlds that have an element for it, causes from outside the library in MuJoCo (`simulate.mujoco.outside`).  Axes,
-tracked frame and noise are drawn as in `drawn`.
+The worlds are our own contact, MuJoCo and Drake, with bodies of `SHAPES_IN`.  About every third set has the flaws of
+real recordings: it is smoothed by one of `FILTERS`, or a tag's orientation flips in some frames.  Causes are hidden in
+worlds that have an element for them, causes outside the library in MuJoCo (`simulate.mujoco.outside`).  Axes, tracked
+frame and noise are drawn as in `drawn`.
 """
 
 from dataclasses import dataclass
@@ -15,14 +15,14 @@ from thesis_lib.foundation.randomness import generator
 from thesis_lib.simulate.tosses.causes import NOT_IN_DRAKE, NOT_IN_MUJOCO, OUTSIDE, RANGES, RANGES_OF_MORE
 from thesis_lib.simulate.tosses.drawn import DRAWN, NOTHING, SpaceCase, drawn_number, hidden_size, recording, spread
 
-SEED = 4700  # of everything that is drawn
+SEED = 4700  # seed of all random draws
 EDGED = ("cube", "box", "bracket")
 SHAPES_IN = {"own": EDGED, "mujoco": (*EDGED, "ellipsoid", "cylinder"), "drake": (*EDGED, "ellipsoid", "cylinder")}
 MISSING_IN = {"own": (), "mujoco": NOT_IN_MUJOCO, "drake": NOT_IN_DRAKE}
 NOTHING_HIDDEN, ONE_CAUSE, PAIRS, FROM_OUTSIDE = 60, 120, 40, 40
 DISCRETE = ("mirrored_rotation", "misread_rotation")  # at most one of these in a pair
 FILTERS = ("zero_phase_butterworth", "kalman_smoother", "moving_average", "median", "butterworth")
-SMOOTHED, FLIPPED = 0.2, 0.2  # share of the sets
+SMOOTHED, FLIPPED = 0.2, 0.2  # shares of the sets
 DRAWN_IN_WORLDS = (*DRAWN[:-1], "flips", DRAWN[-1])
 
 
@@ -57,12 +57,12 @@ def _drawn(case: WorldsCase) -> dict:
 
 
 def _from_outside(truth: str, rng: np.random.Generator) -> dict[str, float]:
-    """A size of a cause of `OUTSIDE`."""
+    """Draw the parameters of a cause of `OUTSIDE`."""
     return {f"{truth}.{name}": drawn_number(rng, *limits, log=False) for name, limits in OUTSIDE[truth].items()}
 
 
 def worlds_cases() -> list[WorldsCase]:
-    """All datasets, worlds and truths mixed: a part of them counts as the whole would."""
+    """All datasets, with worlds and truths mixed evenly: any part represents the whole."""
     worlds, wanted = tuple(SHAPES_IN), {}
 
     def add(world: str, truth: str) -> None:

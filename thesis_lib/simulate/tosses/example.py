@@ -1,4 +1,4 @@
-"""Tosses of a homogeneous body as an example: z up, tracked off the centre, with a cause that is not written down."""
+"""Tosses of a homogeneous body as an example: z up, tracked off the centre, with a cause that is not stated."""
 
 from collections.abc import Mapping
 
@@ -12,7 +12,7 @@ from thesis_lib.simulate.tosses.camera import CameraInSpace, film
 from thesis_lib.simulate.tosses.world import TossedWorld, TossEngine
 from thesis_lib.statistics.wording import listed
 
-CONTACT_TIME = 2e-3  # s, of a central hit
+CONTACT_TIME = 2e-3  # s, duration of a central hit
 SHAPES: Mapping[str, Solid] = {
     "box": Box(half_extents=(0.05, 0.04, 0.03)),
     "sphere": Sphere(radius=0.04),
@@ -33,10 +33,10 @@ def simulate_tosses(
     engine: TossEngine | None = None,
     contact_time: float = CONTACT_TIME,
 ) -> Dataset:
-    """Tosses of a body at 240 Hz; `hidden` is a cause with a `size`, or the sizes by effect and parameter.
+    """Simulate tosses of a body at 240 Hz; `hidden` is a cause with a `size`, or the sizes by effect and parameter.
 
     Raises:
-        UserError: a shape or a hidden cause is unknown, the engine cannot make it, or there are no drops.
+        UserError: a shape or a hidden cause is unknown, the engine cannot simulate it, or there are no drops.
     """
     if drops < 1:
         raise UserError(f"An example needs at least one drop; got {drops}.")
@@ -55,7 +55,7 @@ def simulate_tosses(
         }
     )
     if engine is None:
-        from thesis_lib.simulate.tosses.own import OwnTosses  # late: numba compiles it
+        from thesis_lib.simulate.tosses.own import OwnTosses  # imported late: numba compiles it
 
         engine = OwnTosses()
     hidden = sizes_of(hidden, size) if isinstance(hidden, str) else hidden

@@ -1,14 +1,14 @@
-"""Planar drops as a camera in space would have recorded them: a motion in a plane, in axes of its own.
+"""Planar drops lifted into space: recorded as a camera in space, with axes of its own, would see the planar motion.
 
 | in the plane          | in space                                                                                  |
 |-----------------------|-------------------------------------------------------------------------------------------|
 | x, y                  | along t_1 and n of the surface                                                            |
-| θ                     | a turn by −θ about t_2, so that the axes x, y of the body are x, z of the shape            |
+| θ                     | rotation by −θ about t_2; the axes x, y of the body become x, z of the shape              |
 | ellipse a, b          | ellipsoid a, √(a b), b                                                                    |
 | centred rectangle     | box of the same sides, as deep as it is wide                                              |
 | k                     | radii of gyration k, k, k                                                                 |
 
-The plane's noise is in the poses already; noise of the same size is added across it, and to the two other turns.
+The poses already contain noise in the plane; noise of the same size is added to the other position and rotations.
 """
 
 import numpy as np
@@ -23,14 +23,14 @@ from thesis_lib.foundation.errors import UserError
 from thesis_lib.mechanics.space import SPACE, of_rotation_vector, rotated
 from thesis_lib.mechanics.state import State
 
-WITHIN = 1e-9  # m, in which corners of a rectangle agree
+WITHIN = 1e-9  # m, tolerance of the corners of a rectangle
 
 
 def lifted(dataset: Dataset, rng: np.random.Generator) -> Dataset:
-    """The drops in space: world, tracked frame and way up drawn at random, and stated.
+    """The drops in space; recording axes, tracked frame and the direction "up" are drawn at random, and stated.
 
     Raises:
-        UserError: the set has no angle, more than one surface, or another shape than an ellipse or a centred rectangle.
+        UserError: the set has no angle, more than one surface, or a shape other than an ellipse or centred rectangle.
     """
     header, table = dataset.header, dataset.trajectories
     if not isinstance(header, Header) or table is None or not dataset.has_angle or header.surfaces:
@@ -66,7 +66,7 @@ def lifted(dataset: Dataset, rng: np.random.Generator) -> Dataset:
 
 
 def _solid(shape) -> dict:
-    """The shape in space of one in the plane."""
+    """The shape in space that corresponds to a shape in the plane."""
     if isinstance(shape, Ellipse):
         a, b = shape.semi_axes
         return {"kind": "ellipsoid", "semi_axes": (a, float(np.sqrt(a * b)), b)}
@@ -75,4 +75,4 @@ def _solid(shape) -> dict:
         if np.ptp(corners, axis=0).max() < WITHIN:
             a, b = corners[0]
             return {"kind": "box", "half_extents": (float(a), float(a), float(b))}
-    raise UserError("a planar set is lifted if its shape is an ellipse or a centred rectangle.")
+    raise UserError("a planar set can be lifted only if its shape is an ellipse or a centred rectangle.")

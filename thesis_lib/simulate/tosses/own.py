@@ -1,4 +1,4 @@
-"""Our own engine of tosses: a spring and a damper at every point that touches (`compiled`)."""
+"""Our own engine of tosses: a spring and a damper at every contact point (`compiled`)."""
 
 from dataclasses import dataclass
 
@@ -14,7 +14,7 @@ from thesis_lib.simulate.tosses.world import STRAIGHT, TossedWorld
 
 @dataclass(frozen=True)
 class OwnTosses:
-    """Our own integrator; `steps` in the time of a central contact."""
+    """Our own integrator as the engine of tosses, with `steps` time steps per duration of a central contact."""
 
     steps: int = 400
 
@@ -35,7 +35,7 @@ class OwnTosses:
     def _world(self, world: TossedWorld) -> OnBalls:
         balls, radius = world.balls
         ratio = _damping(world.epsilon)
-        # ω T of a central contact without pull
+        # duration ω T of a central contact without pull
         phase = 2.0 * np.arccos(ratio) / np.sqrt(1.0 - ratio**2) if ratio < 1.0 else 2.0
         tensor = world.mass * world.rig.body.inertia_per_mass
         return OnBalls(

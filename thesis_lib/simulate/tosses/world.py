@@ -1,6 +1,6 @@
-"""A body over a flat surface as it truly is, how it is let go, and what an engine must do with both.
+"""The true body over a flat surface, its releases, and the interface of engines that simulate its tosses.
 
-Everything stands in the frame of the surface: axes (t_1, t_2, n) through `surface.point`, the believed surface at 0.
+All quantities are in the frame of the surface: axes (t_1, t_2, n) at `surface.point`, with the believed surface at 0.
 """
 
 from collections.abc import Sequence
@@ -18,20 +18,20 @@ from thesis_lib.mechanics.state import State
 from thesis_lib.simulate.rig.causes_in_space import Hidden, true_rig
 
 STRAIGHT = np.array([1.0, 0.0, 0.0, 0.0])  # attitude of a body along the axes of the surface
-SPINS = (2.0, 15.0)  # rad/s
-HEIGHTS = (0.12, 0.35)  # m, from the lowest point that any attitude can have to the surface
-ASIDE, ACROSS, UPWARDS = 0.15, 0.7, (-1.0, 0.5)  # m, m/s, m/s
+SPINS = (2.0, 15.0)  # rad/s, range of spins at release
+HEIGHTS = (0.12, 0.35)  # m, height above the surface of the lowest point that the body has in any attitude
+ASIDE, ACROSS, UPWARDS = 0.15, 0.7, (-1.0, 0.5)  # m, m/s, m/s; limits of x and y, and of velocity along and up
 
 
 @dataclass(frozen=True, eq=False)
 class TossedWorld:
-    """A body, what it is believed to be, and its contact with the surface.
+    """A body as its owner believes it, its hidden causes, and its contact with the surface.
 
     Attributes:
-        header: as its owner believes.
-        mu, epsilon: Coulomb's friction, and restitution of a central hit.
-        contact_time: of a central hit, s.
-        hidden: sizes by effect and parameter.
+        header: rig as its owner believes it.
+        mu, epsilon: Coulomb friction, and restitution of a central hit.
+        contact_time: duration of a central hit, s.
+        hidden: sizes of hidden causes by effect and parameter.
     """
 
     header: SpaceHeader
@@ -41,7 +41,7 @@ class TossedWorld:
     hidden: Hidden = field(default_factory=dict)
 
     def of(self, name: str) -> float:
-        """The value of a hidden parameter; 0 where it is absent."""
+        """The value of a hidden parameter; 0 if it is absent."""
         return float(self.hidden.get(name, 0.0))
 
     def vector(self, stem: str, axes: Sequence[str] = "xyz") -> np.ndarray:
@@ -49,12 +49,12 @@ class TossedWorld:
         return np.array([self.of(f"{stem}{axis}") for axis in axes])
 
     def has(self, names: Sequence[str]) -> bool:
-        """Whether one of these causes is hidden."""
+        """Return whether one of these causes is hidden."""
         return bool(set(names) & {name.split(".")[0] for name in self.hidden})
 
     @cached_property
     def rig(self) -> SpaceHeader:
-        """Body, tracked frame, table and gravity as they are, in the frame of the believed surface."""
+        """True body, tracked frame, table and gravity, in the frame of the believed surface."""
         g = float(np.linalg.norm(self.header.gravity))
         level = self.header.model_copy(update={"gravity": (0.0, 0.0, -g), "surface": FlatSurface()})
         return true_rig(level, self.hidden)
@@ -65,19 +65,19 @@ class TossedWorld:
 
     @property
     def height(self) -> float:
-        """Of the true surface, m."""
+        """Height of the true surface, m."""
         return self.rig.surface.point[2]
 
     @property
     def balls(self) -> tuple[np.ndarray, float]:
-        """Points (k, 3) in m in axes of the shape, and the radius of the balls about them.
+        """Centres (k, 3) in m, in axes of the shape, of the balls that can touch, and their radius.
 
         Raises:
             UserError: the body is an ellipsoid or a cylinder.
         """
         points = self.rig.body.solid.minkowski
         if points.squares.any():
-            raise UserError("our own contact has points for a sphere, box, capsule or hull: no ellipsoid or cylinder.")
+            raise UserError("our own contact simulates a sphere, box, capsule or hull: no ellipsoid or cylinder.")
         return points.centres.T.copy(), points.radius
 
 
@@ -85,15 +85,15 @@ class TossEngine(Protocol):
     """Simulator that moves a tossed body."""
 
     def moves(self, world: TossedWorld, release: State, times: np.ndarray) -> State:
-        """Poses of the shape's frame at rising times (n, k) in s after each of n releases, one toss after the other.
+        """Simulate n releases; poses of the shape's frame at rising times (n, k) in s, one toss after the other.
 
-        `release` has the poses of the shape's frame and the motion of its origin; the motions returned may be NaN.
+        `release` has the poses of the shape's frame and the motion of its origin; the returned motions may be NaN.
         """
         ...
 
 
 def released(world: TossedWorld, n: int, rng: np.random.Generator) -> State:
-    """n bodies let go over the surface: any attitude, spins of `SPINS` about any axis."""
+    """Draw n releases over the surface, with any attitude and spins in the range `SPINS` about any axis."""
     along, spin = rng.standard_normal((3, n)), rng.uniform(*SPINS, n)
     reach = world.rig.body.solid.extent + max(world.height, 0.0)
     place = np.concatenate([rng.uniform(-ASIDE, ASIDE, (2, n)), reach + rng.uniform(*HEIGHTS, (1, n))])

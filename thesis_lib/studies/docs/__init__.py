@@ -1,1 +1,1 @@
-"""Reference pages in docs/, written from the code: see `thesis_lib.studies.docs.pages`."""
+"""Reference pages in docs/, generated from the code: see `thesis_lib.studies.docs.pages`."""

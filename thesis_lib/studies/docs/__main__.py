@@ -9,10 +9,10 @@ from thesis_lib.foundation.command_line import FAILED, Parser, command
 EPILOG = """\
 examples:
   python -m thesis_lib.studies.docs               after a change of a setting, an effect, a law or a column
-  python -m thesis_lib.studies.docs --check       exit code 1, and the names, if a page is out of step; writes nothing
+  python -m thesis_lib.studies.docs --check       lists outdated pages (exit code 1 if there are any); writes nothing
   python -m thesis_lib.studies.docs --results results
-                                          after a run at the default scale: takes the tables that templates read
-  python -m thesis_lib.studies.docs --pictures    draws the pictures of effects and laws again, too (half a minute)
+                                          after a run at the default scale: also copies the tables that templates use
+  python -m thesis_lib.studies.docs --pictures    also redraws the pictures of effects and laws (half a minute)
 """
 
 
@@ -20,13 +20,13 @@ examples:
 def main(argv: Sequence[str] | None = None) -> int:
     description = "Write the parts of the pages in docs/ that come from the code."
     parser = Parser(prog="python -m thesis_lib.studies.docs", description=description, epilog=EPILOG)
-    parser.add_argument("--check", action="store_true", help="write nothing; exit code 1 if a page is out of step")
-    parser.add_argument("--pictures", action="store_true", help="draw the pictures again, too")
+    parser.add_argument("--check", action="store_true", help="write nothing; exit code 1 if a page is outdated")
+    parser.add_argument("--pictures", action="store_true", help="also redraw the pictures")
     parser.add_argument("--docs", type=Path, default=Path("docs"), help="folder of the pages; default: %(default)s")
-    parser.add_argument("--results", type=Path, help="folder of a run at the default scale, whose numbers are taken")
+    parser.add_argument("--results", type=Path, help="folder of a run at the default scale; its numbers are used")
     args = parser.parse_args(argv)
     if args.check and args.results:
-        parser.error("--check writes nothing, and --results keeps tables: one at a time")
+        parser.error("--check writes nothing, but --results copies tables: give only one of them")
     from thesis_lib.studies.docs.pages import stale_pages
 
     if args.results:
@@ -38,7 +38,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     if args.check:
         for path in stale:
             print(
-                f"{path} is out of step; python -m thesis_lib.studies.docs writes it anew (template: docs/templates/)"
+                f"{path} is outdated; run python -m thesis_lib.studies.docs to rewrite it (template: docs/templates/)"
             )
         return FAILED if stale else 0
     from thesis_lib.foundation.files import write_text

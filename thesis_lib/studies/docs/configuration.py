@@ -1,4 +1,4 @@
-"""Every key of the configuration, and of the headers of datasets and recordings, from the models that check them."""
+"""Tables of all keys of the configuration and of dataset and recording headers, from the models that validate them."""
 
 import json
 import types
@@ -16,18 +16,18 @@ LIMITS = {
     **{Ge: ("≥", "ge"), Gt: (">", "gt"), Le: ("≤", "le"), Lt: ("<", "lt")},
     **{MinLen: ("at least", "min_length"), MaxLen: ("at most", "max_length")},
 }
-LONGEST = 120  # characters of a default that can still be read in a table
+LONGEST = 120  # largest number of characters of a default in a table
 
 
 def text() -> str:
-    """All sections, in the order of the configuration."""
+    """All sections as Markdown, in the order of the configuration."""
     from thesis_lib.thesis.config import Config
 
     return "\n\n".join(_sections("", Config()))
 
 
 def header_text(header: type[Section]) -> str:
-    """Every key of a header with its default, those of a mechanism's first kind before those of the next."""
+    """Table of all keys of a header with their defaults; of alternative sections, the first one's keys come first."""
     return table(("key", "needed", "kind", "meaning"), _header_rows("", header))
 
 
@@ -50,12 +50,12 @@ def _header_rows(path: str, section: type[Section]) -> Iterator[tuple[str, str, 
 
 
 def kind(field: FieldInfo) -> str:
-    """The values that a key accepts, in words, with limits."""
+    """The values that a key accepts, in words, with their limits."""
     return " ".join(filter(None, (_kind(field.annotation), _limits(field.metadata))))
 
 
 def _sections(path: str, values: Section) -> Iterator[str]:
-    """A section by its defaults: the keys that are no sections as a table, and then those that are."""
+    """A section with its defaults: plain keys as a table, followed by the inner sections."""
     title = f"## `{path}`" if path else "## Top level"
     intro = (type(values).__doc__ or "").strip().split("\n\n")[0].replace("\n    ", " ")
     fields = type(values).model_fields
@@ -71,7 +71,7 @@ def _sections(path: str, values: Section) -> Iterator[str]:
 
 
 def _section_of(annotation: Any) -> type[Section] | None:
-    """The section that a key holds; no key holds sections in lists or under names."""
+    """The section that a key holds, or None; in the configuration no list or dictionary holds sections."""
     return annotation if isinstance(annotation, type) and issubclass(annotation, Section) else None
 
 
@@ -89,7 +89,7 @@ def _default(value: Any) -> str:
 
 
 def _readable(value: Any) -> Any:
-    """Derived numbers (π, a radius of gyration) to six digits."""
+    """The value with derived numbers (π, a radius of gyration) rounded to six digits."""
     if isinstance(value, float):
         return float(f"{value:.6g}")
     if isinstance(value, dict):
@@ -120,7 +120,7 @@ def _kind(annotation: Any) -> str:
         if inner[-1] is Ellipsis or origin is list:
             return f"list of {_kind(inner[0])}"
         return f"{len(inner)} × {_kind(inner[0])}" if len(set(inner)) == 1 else ", ".join(map(_kind, inner))
-    raise TypeError(f"a key of the configuration has the type {annotation!r}, which has no word here")
+    raise TypeError(f"a key of the configuration has the type {annotation!r}; add a description of it to PLAIN")
 
 
 def _limits(metadata: Any) -> str:

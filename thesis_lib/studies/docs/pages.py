@@ -1,12 +1,12 @@
-"""Which parts of the pages in docs/ are written from the code, and how.
+"""Generation of the parts of the pages in docs/ that come from the code.
 
-A page is Markdown written by hand, except that `BLOCKS[NAME]` writes the text between the two lines
+A page is Markdown written by hand; only the text between the two lines
 
     <!-- written by python -m thesis_lib.studies.docs: NAME -->
     <!-- end of NAME -->
 
-and that a page with a template in docs/templates/ (README.md, docs/findings.md) is filled from it, with numbers of
-stored tables, laws, effects and columns (`templates`).
+is generated, by `BLOCKS[NAME]`.  A page with a template in docs/templates/ (README.md, docs/findings.md) is rendered
+from the template with numbers from stored tables, laws, effects and columns (`templates`).
 """
 
 import re
@@ -58,20 +58,20 @@ _BEGINS = re.compile(r"<!-- written by python -m thesis_lib\.studies\.docs: ([^>
 
 
 def rendered(page: str, where: str) -> str:
-    """The page with all blocks written anew; UserError, with the page's name `where`, if a block is broken."""
+    """The page with all blocks regenerated; UserError, which names the page as `where`, if a block is malformed."""
     names = [match["name"] for match in _BLOCK.finditer(page)]
     for name in _BEGINS.findall(page):
         if name not in BLOCKS:
-            raise UserError(f"{where}: nothing writes the block {name!r}; the blocks are {', '.join(BLOCKS)}.")
+            raise UserError(f"{where}: there is no block called {name!r}; the blocks are {', '.join(BLOCKS)}.")
         if name not in names:
             raise UserError(f"{where}: the block {name!r} has no end; add the line <!-- end of {name} -->.")
     return _BLOCK.sub(lambda match: f"{match[1]}\n{BLOCKS[match['name']]()}\n\n{match[3]}", page)
 
 
 def stale_pages(folder: Path) -> dict[Path, str]:
-    """Outdated pages of `folder`, and the README beside it, with the text that they should have.
+    """Outdated pages of `folder` and the README beside it, with the text that they should have.
 
-    UserError without pages, for a broken block, or for a template whose numbers are not to be had.
+    UserError if there are no pages, a block is malformed, or the numbers of a template are not available.
     """
     pages = sorted(folder.glob("*.md"))
     if not pages:

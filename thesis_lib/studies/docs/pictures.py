@@ -1,6 +1,6 @@
 """The pictures of the reference pages: signatures of the effects and reachable impulses of the laws.
 
-signatures.csv holds some of the numbers drawn, so that an outdated picture is noticed without comparing pixels.
+signatures.csv holds some of the plotted numbers; outdated pictures are detected by them, not by their pixels.
 """
 
 from collections.abc import Iterator
@@ -38,11 +38,11 @@ WHAT = {
     "slide": ("Δ acceleration in a slide (m/s²)", 1.0),
     "gap": ("Δ gap (mm)", 1e3),
 }
-KEPT_EVERY = 97  # of the numbers; coprime to the grids, so that it touches all rows and columns
+KEPT_EVERY = 97  # every 97th number is stored; coprime to the grid sizes, so that all rows and columns occur
 
 
 def draw_pictures(folder: Path) -> Iterator[Path]:
-    """Draw all pictures into `folder`/effects and `folder`/laws; yields the files."""
+    """Draw all pictures into `folder`, `folder`/effects and `folder`/laws; yield the files."""
     tables = {effect.name: signature(effect) for effect in effects_in(PLANE).values()}
     for name, table in tables.items():
         yield _save(draw_signature(EFFECTS[name], table), folder / "effects" / f"{name}.png")
@@ -55,7 +55,7 @@ def draw_pictures(folder: Path) -> Iterator[Path]:
 
 
 def kept_numbers(tables: dict[str, pd.DataFrame]) -> pd.DataFrame:
-    """The numbers stored beside the pictures."""
+    """The numbers that are stored beside the pictures, every `KEPT_EVERY`-th row of each table."""
     kept = pd.concat([table.iloc[::KEPT_EVERY] for table in tables.values()], ignore_index=True)
     numbers = ["at", "at_n", "value"]
     return kept.assign(**{name: [float(f"{x:.5g}") for x in kept[name]] for name in numbers})
@@ -63,7 +63,7 @@ def kept_numbers(tables: dict[str, pd.DataFrame]) -> pd.DataFrame:
 
 @house_style
 def draw_signature(effect: Effect, table: pd.DataFrame) -> Figure:
-    """The picture of one effect."""
+    """Draw the picture of one effect."""
     panels = list(dict.fromkeys(table["panel"]))
     figure = new_figure(5.6 if len(panels) > 1 else 3.2, 2.2)
     figure.suptitle(f"{effect.title}: {sizes_text(effect)}", fontsize=8, x=0.01, ha="left")
@@ -100,7 +100,7 @@ def _draw_curve(ax: Axes, rows: pd.DataFrame, label: str, factor: float) -> None
 
 @house_style
 def draw_reach(law: Law) -> Figure:
-    """Impulses that a law can give to one impact of the ellipse, in the energy ellipse."""
+    """Draw the region of impulses that a law can give in one impact of the ellipse, with the energy ellipse."""
     from thesis_lib.simulate.rig.hidden_causes import ELLIPSE_BODY
     from thesis_lib.thesis.figures.chapter3.contact_space import EXAMPLE, draw_ellipse, region_outline
 

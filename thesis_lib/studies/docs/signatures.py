@@ -1,15 +1,15 @@
-"""Effects in numbers: prediction with an effect minus prediction without it, over the states that matter.
+"""Signatures of effects: prediction with an effect minus prediction without it, over the relevant states.
 
-One ellipse (a square where an effect needs corners) hits the surface once, by Mirtich's law with μ = 0.15, ε = 0.55:
+One ellipse (a square if an effect needs corners) hits the surface once, by Mirtich's law with μ = 0.15, ε = 0.55:
 
-| panel   | drawn                                                             | for effects that change          |
+| panel   | plotted                                                           | for effects that change          |
 |---------|-------------------------------------------------------------------|----------------------------------|
 | plane   | √(Δv_x² + Δv_y² + (kΔω)²) and Δv over the contact velocity before | the velocity after impact        |
-| curve   | Δv_x, Δv_y, kΔω against what else they depend on most             | the velocity after impact        |
-| flight  | the same of the acceleration                                      | the flight only                  |
+| curve   | Δv_x, Δv_y, kΔω over the other variable with the largest effect   | the velocity after impact        |
+| flight  | Δa_x, Δa_y, kΔα over the variable with the largest effect         | the flight only                  |
 | path    | Δx, Δy, kΔθ over half a second of flight                          | the flight only                  |
 | slide   | Δa_x over the velocity along the surface                          | slides only                      |
-| gap     | Δφ_n over the body angle or what else it depends on most          | the gap at impact only           |
+| gap     | Δφ_n over the variable with the largest effect                    | the gap at impact only           |
 """
 
 from collections.abc import Callable
@@ -27,12 +27,12 @@ from thesis_lib.effects.effect import Effect, Parameter, Rig
 from thesis_lib.mechanics.state import State
 
 LAW = LAWS["mirtich"]
-COEFFICIENTS = {"mu": 0.15, "epsilon": 0.55, "tau": 5e-4}  # τ in s: only the gap at impact shows it
+COEFFICIENTS = {"mu": 0.15, "epsilon": 0.55, "tau": 5e-4}  # τ in s affects only the gap at impact
 ELLIPSE = Rig(Ellipse(semi_axes=(0.035, 0.025)), 0.0192, 9.81, 0.0)  # as published
 _CORNERS = ((0.035, 0.035), (-0.035, 0.035), (-0.035, -0.035), (0.035, -0.035))
 SQUARE = Rig(Polygon(vertices=_CORNERS), 0.0286, 9.81, 0.0)
-# an impact away from every symmetry, at an angle at which it can stick: x (m), θ (rad), v_t, v_n (m/s), ω (rad/s),
-# t (s), number of the release
+# an impact without any symmetry, at an angle at which the contact can stick: x (m), θ (rad), v_t, v_n (m/s),
+# ω (rad/s), t (s), number of the release
 BASE = {"x": 0.15, "theta": 0.12, "v_t": 0.6, "v_n": -2.5, "omega": 6.0, "t": 0.3, "trial": 40.0}
 RANGES = {"theta": (-np.pi, np.pi), "omega": (-20.0, 20.0), "x": (-0.4, 0.4), "t": (0.0, 0.6), "trial": (0.0, 150.0)}
 IN_FLIGHT = {"v_t": (-2.0, 2.0), "v_n": (-3.0, 3.0), "omega": (-20.0, 20.0), "theta": (-np.pi, np.pi)}
@@ -49,12 +49,12 @@ PREDICTED: dict[str, Callable[[Dynamics, State], np.ndarray]] = {
 
 
 def size_that_matters(p: Parameter) -> float:
-    """The value of the parameter in the pictures."""
+    """The value of a parameter that is used in the pictures."""
     return p.null + p.scale if p.discrete is None else p.discrete
 
 
 def sizes_text(effect: Effect) -> str:
-    """The parameter values of the picture in words."""
+    """The parameter values of an effect's picture as text."""
     sizes = [f"{p.name} = {size_that_matters(p):g}{'' if p.unit == '1' else f' {p.unit}'}" for p in effect.parameters]
     return ", ".join(sizes)
 
@@ -65,7 +65,7 @@ def rig_for(effect: Effect) -> Rig:
 
 
 def signature(effect: Effect) -> pd.DataFrame:
-    """The numbers of an effect's picture, in SI: panel, variable `over` and its value `at` (`at_n`), series, value."""
+    """The numbers in an effect's picture, in SI: panel, variable `over` and its value `at` (`at_n`), series, value."""
     if "impact" in effect.channels:
         parts = [_plane(effect), _curve(effect, "curve", RANGES, "impact", ("v_x", "v_y", "k ω"))]
     elif "flight" in effect.channels:
@@ -88,7 +88,7 @@ def states(rig: Rig, **changed: np.ndarray) -> State:
 
 
 def change(effect: Effect, state: State, channel: str) -> np.ndarray:
-    """Change that an effect makes in the prediction of a channel of `PREDICTED`, in SI.
+    """Change in the prediction of a channel of `PREDICTED` caused by an effect, in SI.
 
     Δ(v_x, v_y, k ω) (n, 3) of the velocity after impact, Δ(a_x, a_y, k α) (n, 3) of the acceleration in flight, Δa_x
     (n, 1) of a body that slides on the surface, Δφ_n (n, 1) of the gap.
@@ -122,7 +122,7 @@ def _table(panel: str, over: str, at: np.ndarray, columns: dict[str, np.ndarray]
 def _curve(
     effect: Effect, panel: str, ranges: dict[str, tuple[float, float]], channel: str, series: tuple[str, ...]
 ) -> pd.DataFrame:
-    """Changes against the variable over whose range they vary most; the first variable if none matters."""
+    """Changes over the variable in whose range they vary most; the first variable if they depend on none."""
     best, most = None, -1.0
     for over, (low, high) in ranges.items():
         at = np.linspace(low, high, POINTS)

@@ -1,16 +1,16 @@
-"""Pages of README and docs/ filled with numbers from stored tables by Jinja: their templates in docs/templates/.
+"""Rendering of README and pages of docs/ from Jinja templates in docs/templates/, with numbers from stored tables.
 
     {% set fits = table("results/chapter2/measured_ratio.csv", "variant == 'as_published'") %}
     m/I from the published impacts is {{ fits("ratio", ",.0f") }} ± {{ fits("std", ",.0f") }} 1/m²
 
-`table(name, where)` gives the rows of a file of the repository, or of a table in `TABLES`, that a pandas query leaves.
-Called with a column, or an expression of columns, and Python's format, they give a number as text: that of their one
-row, or what `take` (count, sum, mean, median, min, max) says of several; `where` leaves fewer rows, `times` is a
-factor, as 100 for per cent.  `rows` holds them for loops, and the filter `as` writes a value.  Minus signs are
-typographic.  `critique(name)` gives the contents of a diagnosis.json.
+`table(name, where)` gives the rows of a file of the repository, or of a table in `TABLES`, selected by a pandas query.
+Called with a column (or an expression of columns) and a Python format, the result gives a number as text: the value in
+its single row, or `take` (count, sum, mean, median, min, max) of several rows.  `where` selects among the rows, and
+`times` is a factor, for example 100 for per cent.  `rows` is for loops, and the filter `as` formats a value.  Minus
+signs are typographic.  `critique(name)` gives the contents of a diagnosis.json.
 
-A table under `results/` is read from its copy in `config/results/`, which
-`python -m thesis_lib.studies.docs --results results` makes after a run at the default scale (`keep_results`).
+A table under `results/` is read from its copy in `config/results/`, which is updated by
+`python -m thesis_lib.studies.docs --results results` after a run at the default scale (`keep_results`).
 """
 
 import json
@@ -45,13 +45,13 @@ from thesis_lib.thesis.ledger.format import read_ledger
 
 ROOT = Path(__file__).resolve().parents[3]
 TEMPLATES = ROOT / "docs" / "templates"
-KEPT = ROOT / "config"  # results/chapter2/x.csv is kept as config/results/chapter2/x.csv
-_LARGEST = 100_000  # bytes of a table that is kept
+KEPT = ROOT / "config"  # results/chapter2/x.csv is copied to config/results/chapter2/x.csv
+_LARGEST = 100_000  # largest size of a copied table in bytes
 _RESULTS = re.compile(r'"(results/[\w./]+\.(?:csv|json))"')
 
 
 def _claims() -> pd.DataFrame:
-    """Status at the default scale, and whether agreement says little, of each claim."""
+    """Each claim with its chapter, its status at the default scale, and whether agreement is only weak evidence."""
     stored = read_expected(ROOT / "config" / "claims_expected.yaml")["default"]
     claims = read_ledger(ROOT / "config" / "claims").claims
     rows = [(c.id, c.chapter, stored.get(c.id, "without data"), c.weak is not None) for c in claims]
@@ -74,8 +74,8 @@ TABLES: dict[str, Callable[[], pd.DataFrame]] = {
 def stored_critique(name: str) -> dict:
     """The contents of a diagnosis.json, prepared for a page.
 
-    `found`: title, sizes, channels and gain of each effect; `seen`: the smallest size that would have been seen of each
-    effect that did not enter; `unseen`: titles of those of which none would have been.
+    `found`: title, sizes, channels and gain of each effect; `seen`: for each effect that was not selected, the smallest
+    size that would have been detected; `unseen`: titles of the effects that would not have been detected at any size.
     """
     d = json.loads(_path(name).read_text(encoding="utf-8"))
     space = SPACE if d["dimensions"] == 3 else PLANE
@@ -105,7 +105,7 @@ def stored_critique(name: str) -> dict:
 def _path(name: str) -> Path:
     path = ((KEPT if name.startswith("results/") else ROOT) / name).resolve()
     if not path.is_relative_to(ROOT) or not path.is_file():
-        kept = "; a table of results/ is kept by python -m thesis_lib.studies.docs --results results"
+        kept = "; for a table of results/, first run python -m thesis_lib.studies.docs --results results"
         raise UserError(f"{name!r} is neither a file of the repository nor one of {', '.join(TABLES)}{kept}.")
     return path
 
@@ -116,7 +116,7 @@ def _read(name: str) -> pd.DataFrame:
 
 
 class StoredTable:
-    """Rows of a table, which give numbers as text (the module's head says how)."""
+    """Rows of a table that give numbers as text (see the module's docstring)."""
 
     def __init__(self, name: str, where: str = "", rows: pd.DataFrame | None = None) -> None:
         rows = _read(name) if rows is None else rows
@@ -127,14 +127,14 @@ class StoredTable:
         return StoredTable(self.name, " and ".join(f"{name} == {value!r}" for name, value in values.items()), self.rows)
 
     def __call__(self, column: str, as_: str, where: str = "", take: str = "", times: float = 1.0) -> str:
-        """The number as text; UserError if its rows are not one row and `take` does not say what is made of them."""
+        """The number as text; UserError if there is not exactly one row and `take` is not given."""
         found = (self.rows.query(where) if where else self.rows).eval(column)
         if not take and len(found) != 1:
             raise UserError(f"{self.name}: {where!r} leaves {len(found)} rows for {column!r}, not one.")
         return formatted(times * float(getattr(found, take)() if take else found.iloc[0]), as_)
 
 
-KNOWN = {  # to templates
+KNOWN = {  # names that templates can use
     **{"table": StoredTable, "critique": stored_critique, "meanings": meanings, "with_links": with_links},
     "docstring": lambda module: docstring(import_module(module)),
     **{"LAWS": LAWS, "LAWS_IN_SPACE": LAWS_IN_SPACE, "Promise": Promise, "EFFECTS": EFFECTS, "FAMILIES": FAMILIES},
@@ -143,7 +143,7 @@ KNOWN = {  # to templates
 
 
 def filled(template: str, where: str) -> str:
-    """The page of a template; UserError with its name `where` if a number or a table is not to be had."""
+    """The page rendered from a template; UserError, which names it as `where`, if a number or table is unavailable."""
     environment = jinja2.Environment(
         undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True, keep_trailing_newline=True
     )
@@ -155,10 +155,10 @@ def filled(template: str, where: str) -> str:
 
 
 def keep_results(results: Path, kept: Path = KEPT, templates: Path = TEMPLATES) -> list[Path]:
-    """Copy the tables that templates read from a run's folder `results`; returns the copies that changed.
+    """Copy the tables that templates read from a run's folder `results`; return the copies that changed.
 
-    A table that the run does not have, as its dataset is absent, keeps its copy.  UserError if there is no copy either,
-    or if a table is too large to be kept.
+    If the run lacks a table because its dataset is absent, the existing copy stays.  UserError if there is no copy
+    either, or if a table is too large to be copied.
     """
     changed = []
     texts = [path.read_text(encoding="utf-8") for path in sorted(templates.rglob("*.md"))]
@@ -166,11 +166,11 @@ def keep_results(results: Path, kept: Path = KEPT, templates: Path = TEMPLATES) 
         source, copy = results / name.removeprefix("results/"), kept / name
         if not source.is_file():
             if not copy.is_file():
-                raise UserError(f"{templates} reads {name}, and {source} does not exist; run the rule that makes it.")
+                raise UserError(f"{templates} reads {name}, but {source} does not exist; run the rule that makes it.")
             continue
         content = source.read_bytes()
         if len(content) > _LARGEST:
-            raise UserError(f"{source} has {len(content):,} bytes; a table to be kept has at most {_LARGEST:,}.")
+            raise UserError(f"{source} has {len(content):,} bytes; tables for pages may have at most {_LARGEST:,}.")
         if not copy.is_file() or copy.read_bytes() != content:
             write_text(content.decode("utf-8"), copy)
             changed.append(copy)

@@ -1,14 +1,14 @@
-"""How often the proof's effects are named right, and how well they are recovered.
+"""Figures of the proof: how often hidden effects are named correctly, and how well they are recovered.
 
-Detection: share of right answers against the size of the effect, the drops and the noise, with 95 % Wilson intervals;
+Detection: share of right verdicts against the size of the effect, the drops and the noise, with 95 % Wilson intervals;
 points of different sources are slightly offset.  Truths of the sources "mechanism" and "drake" count under the effect
-that describes them best, so that two causes of one effect share a point.  Recovery: the misfit before and after, and
+that describes them best; two causes of one effect therefore share a point.  Recovery: the misfit before and after, and
 parameters against their bound; dots are medians over datasets, bars their middle 80 % (for a coverage, the 95 % Wilson
 interval).
 
 Real contacts: a panel for each figure; points are shares of one source, shape and contact time with 95 % Wilson
-intervals, slightly offset; the line is the share that is asked for.  Next drops: random ones against those in the
-states that are proposed, which settle a question between two effects.
+intervals, slightly offset; the line is the required share.  Next drops: numbers of random drops and of drops in the
+proposed states that settle a question between two effects.
 """
 
 from collections.abc import Iterable
@@ -48,7 +48,7 @@ def in_order(effects: Iterable[str]) -> list[str]:
 
 
 def words(name: str) -> str:
-    """Name of an effect or cause, as on axes."""
+    """Name of an effect or cause as written on axes."""
     return name.replace("_", " ")
 
 
@@ -58,14 +58,14 @@ def sources_in(table: pd.DataFrame) -> list[str]:
 
 
 def not_run(figure: Figure, what: str, table: pd.DataFrame) -> Drawn:
-    """A picture for which nothing is stored, so that its `table` is empty."""
+    """A placeholder picture for results that are not stored, and its empty `table`."""
     figure.text(0.5, 0.5, f"{what}: no stored results", ha="center", va="center", color=GREY)
     return figure, table
 
 
 @house_style
 def draw_detection(outcomes: pd.DataFrame) -> Drawn:
-    """Share of right answers against the base law's nominal misfit over the noise floor, a panel for each effect."""
+    """Share of right verdicts against the base law's nominal misfit over the noise floor, a panel for each effect."""
     singles = outcomes[(outcomes["kind"] == "single") & (outcomes["drops"] == TABLE["drops"])]
     table = _shares(singles[singles["noise"] == TABLE["noise"]])
     title = "How often the critique is right, against the size of the hidden effect"
@@ -74,7 +74,7 @@ def draw_detection(outcomes: pd.DataFrame) -> Drawn:
 
 @house_style
 def draw_sizes(outcomes: pd.DataFrame) -> Drawn:
-    """Share of right answers against drops, at each noise, for each effect that was run at other sizes."""
+    """Share of right verdicts against the number of drops, at each noise, for each effect with such results."""
     table = _shares(outcomes[(outcomes["kind"] == "single") & (outcomes["ratio"] == TABLE["ratio"])])
     other = (table["drops"] != TABLE["drops"]) | (table["noise"] != TABLE["noise"])
     table = table[table["effect"].isin(table.loc[other, "effect"])]
@@ -83,7 +83,7 @@ def draw_sizes(outcomes: pd.DataFrame) -> Drawn:
 
 
 def _shares(outcomes: pd.DataFrame) -> pd.DataFrame:
-    """Share of right answers with its interval, for each effect, source and size: columns `DRAWN`."""
+    """Share of right verdicts with its interval, for each effect, source and size: columns `DRAWN`."""
     found = ((key, share(group["right"])) for key, group in outcomes.groupby(list(DRAWN[:5])))
     rows = [(*key, of["n"], of["share"], of["low"], of["high"]) for key, of in found]
     return pd.DataFrame(rows, columns=list(DRAWN))
@@ -128,7 +128,7 @@ def _draw_panel(ax: Axes, shares: pd.DataFrame, along: str) -> None:
 
 
 def _title(ax: Axes, text: str) -> None:
-    """Title in up to two lines, so that neighbours do not overlap."""
+    """Set a title in up to two lines, to avoid overlap with its neighbours."""
     parts = text.split(" ")
     cut = min(range(1, len(parts) + 1), key=lambda i: abs(len(" ".join(parts[:i])) - 0.5 * len(text)))
     long = len(text) > 16 and cut < len(parts)
@@ -152,7 +152,7 @@ def _legend(ax: Axes, table: pd.DataFrame) -> tuple[list, list[str]]:
 def draw_misfits(outcomes: pd.DataFrame) -> Drawn:
     """Misfit over its floor before and after adding the effects, a row for each truth and a panel for each source.
 
-    `outcomes`: rows of one size, drops and noise; columns as in `critique.proof.results.outcomes`.
+    `outcomes`: rows of one size, drops and noise; columns as in `studies.proof.results.outcomes`.
     """
     singles = outcomes[(outcomes["kind"] == "single") & outcomes["after_over_floor"].notna()]
     rows = []
@@ -191,9 +191,9 @@ def draw_misfits(outcomes: pd.DataFrame) -> Drawn:
 
 @house_style
 def draw_parameters(recovered: pd.DataFrame) -> Drawn:
-    """Coverage of each parameter's 95 % interval, and its width over the Cramér-Rao bound.
+    """Coverage of each parameter's 95 % interval, and the interval's width over the Cramér-Rao bound.
 
-    `recovered`: rows of one size, drops and noise; columns as in `critique.proof.results.recovered`.
+    `recovered`: rows of one size, drops and noise; columns as in `studies.proof.results.recovered`.
     """
     rows = []
     for (effect, name), group in recovered.groupby(["effect", "parameter"]):
@@ -241,12 +241,12 @@ TITLES = {
 }
 COLORS = dict(zip(TITLES, (BLUE, GREEN, YELLOW, RED)))
 MARKERS = dict(zip(BODIES, "os"))
-TIMES_APART = 0.1  # between points, in distances between contact times
+TIMES_APART = 0.1  # offset between points, in units of the distance between contact times
 
 
 @house_style
 def draw_real_contacts(table: pd.DataFrame) -> Drawn:
-    """Shares by source, shape and contact time; `table` is that of `critique.proof.by_contact`."""
+    """Shares by source, shape and contact time; `table` comes from `studies.proof.by_contact`."""
     figure = new_figure(height=4.6)
     set_title(figure, "Right verdicts in contacts as long as real ones")
     if table.empty:
@@ -281,7 +281,7 @@ QUESTION = 0.17  # inches, height of a question
 
 @house_style
 def draw_next_drops(answers: pd.DataFrame) -> Drawn:
-    """A row for each open question, those that take random drops longest above; the axis is logarithmic."""
+    """A row for each open question, sorted by the random drops it needs (most at the top), on a logarithmic axis."""
     opened = answers[answers["open"]].sort_values(["random", "chosen"], ascending=[True, False], kind="stable")
     table = opened[["cause", "effect", "rival", "random", "chosen"]].reset_index(drop=True)
     figure = new_figure(height=1.0 + QUESTION * max(len(table), 4))

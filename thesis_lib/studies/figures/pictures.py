@@ -1,9 +1,9 @@
-"""All pictures of the proof, and its confusion matrix: what was hidden against what was named first.
+"""All pictures of the proof, and its confusion matrix of the hidden effect against the effect named first.
 
-A row is a truth; a column is an effect or, if none was named, the verdict.  Rows follow the effects that describe them,
-in the order of the columns, so that right answers lie on the diagonal; the cell of the best describing effect is
-framed.  The share on the right also counts a truth elsewhere in the group named first, both effects of a pair, and
-`adequate` or `unexplained` where these are right.
+A row is a truth; a column is an effect or, if none was named, the verdict.  Rows are ordered by the effects that
+describe them, like the columns; right answers therefore lie on the diagonal.  The cell of the effect that describes a
+truth best is framed.  The share at the right margin counts all right verdicts: also truths elsewhere in the group named
+first, both effects of a pair, and `adequate` or `unexplained`.
 """
 
 import numpy as np
@@ -24,14 +24,14 @@ from thesis_lib.studies.proof.results import of_table, usual
 NAMES = (*(f"matrix_{source}" for source in SOURCE_TITLE), "detection", "sizes", "misfits", "recovery", "real_contacts")
 UNNAMED = {"adequate": "adequate", "unexplained": "unexplained, none named", "refused": "refused"}
 CHARACTER = 0.047  # inches, width of a character in the rows' labels
-FRAME = 2.5  # inches above and below the cells: title, families, labels of the columns
+FRAME = 2.5  # inches above and below the cells, for title, families and labels of the columns
 
 
 def pictures(outcomes: pd.DataFrame, recovered: pd.DataFrame) -> dict[str, Drawn]:
-    """Figures with the tables of the numbers drawn in them, by the names in `NAMES`.
+    """Figures with the tables of the plotted numbers, by the names in `NAMES`.
 
-    `outcomes` (a row for each dataset) and `recovered` (a row for each parameter) come from `critique.proof.results`;
-    those of the first table are drawn, with contacts of 20 µs, and in `real_contacts` all others.
+    `outcomes` (a row for each dataset) and `recovered` (a row for each parameter) come from `studies.proof.results`;
+    the figures show the first table of the proof, with contacts of 20 µs, and `real_contacts` shows all other results.
     """
     contacts = draw_real_contacts(by_contact(outcomes, recovered))
     outcomes, recovered = (table[table["source"].isin(SOURCE_TITLE)] for table in (outcomes, recovered))
@@ -48,9 +48,9 @@ def pictures(outcomes: pd.DataFrame, recovered: pd.DataFrame) -> dict[str, Drawn
 
 @house_style
 def draw_matrix(outcomes: pd.DataFrame, source: str) -> Drawn:
-    """Shares (truths × effects and verdicts) of one source.
+    """Confusion matrix of one source: shares (truths × effects and verdicts).
 
-    `outcomes`: rows of one size, drops and noise; columns as in `critique.proof.results.outcomes`.
+    `outcomes`: rows of one size, drops and noise; columns as in `studies.proof.results.outcomes`.
     """
     rows = outcomes[outcomes["source"] == source].copy()
     rows["column"] = np.where(rows["named_first"] != "", rows["named_first"], rows["verdict"])
@@ -58,7 +58,7 @@ def draw_matrix(outcomes: pd.DataFrame, source: str) -> Drawn:
     truths = _ordered(rows)
     counts = rows.groupby(["truth", "column"]).size().unstack(fill_value=0)
     shares = counts if len(rows) else pd.DataFrame(columns=columns)
-    # effects no longer in the library stay in the picture
+    # effects that have been removed from the library stay in the picture
     columns += [name for name in shares.columns if name not in columns]
     shares = shares.reindex(index=truths["truth"], columns=columns, fill_value=0)
     shares = shares.div(shares.sum(axis=1), axis=0)
@@ -71,7 +71,7 @@ def draw_matrix(outcomes: pd.DataFrame, source: str) -> Drawn:
     else:
         ax = figure.add_subplot()
         _draw(ax, shares, truths)
-        set_title(figure, f"What was named first of what was hidden, % of datasets: {SOURCE_TITLE[source]}")
+        set_title(figure, f"Effect named first for each hidden effect, % of datasets: {SOURCE_TITLE[source]}")
     table = shares.stack().rename("share").rename_axis(["truth", "column"]).reset_index()
     table = table.merge(truths[["truth", "n", "right"]], on="truth") if len(table) else table.assign(n=0, right=0)
     table.insert(0, "source", source)
@@ -79,7 +79,7 @@ def draw_matrix(outcomes: pd.DataFrame, source: str) -> Drawn:
 
 
 def _ordered(outcomes: pd.DataFrame) -> pd.DataFrame:
-    """A row for each truth: truth, kind, effect, n, right; singles by effect, then nothing, outside, pairs."""
+    """A row for each truth: truth, kind, effect, n, right; single effects in order, then nothing, outside, pairs."""
     groups = outcomes.groupby(["kind", "truth", "effect"], as_index=False)
     rows = groups.agg(n=("right", "size"), right=("right", "mean"))
     rows["place"] = rows["effect"].map({name: i for i, name in enumerate(EFFECTS)}).fillna(-1)
@@ -114,7 +114,7 @@ def _draw(ax: Axes, shares: pd.DataFrame, truths: pd.DataFrame) -> None:
 
 
 def _families(ax: Axes, shares: pd.DataFrame, truths: pd.DataFrame) -> None:
-    """Lines between families, and their names above the columns."""
+    """Draw lines between families of effects, and their names above the columns."""
     m, n = shares.shape
     family = [EFFECTS[name].family if name in EFFECTS else "" for name in shares.columns]
     rows = [EFFECTS[e].family if e in EFFECTS else k for e, k in zip(truths["effect"], truths["kind"])]

@@ -1,1 +1,1 @@
-"""The proof: the critique on drops whose hidden cause is known.  `python -m thesis_lib.studies.proof --help`."""
+"""The proof: the critique applied to drops with a known hidden cause.  `python -m thesis_lib.studies.proof --help`."""

@@ -1,8 +1,8 @@
-"""The proof in contacts as long as real ones: right verdicts by source, shape and contact time, against what is asked.
+"""The proof in contacts of realistic duration: right verdicts by source, shape and contact time, against the targets.
 
-`python -m thesis_lib.studies.proof contacts` prints `as_markdown`, which stands in docs/findings.md.
+`python -m thesis_lib.studies.proof contacts` prints `as_markdown`, a table that docs/findings.md contains.
 
-Parameters count where they have a true value.  Shares have 95 % Wilson intervals.
+Only parameters with a true value count.  Shares have 95 % Wilson intervals.
 """
 
 import numpy as np
@@ -14,7 +14,7 @@ from thesis_lib.studies.proof.cases import FRESH, RIGID
 from thesis_lib.studies.proof.results import of_table, usual
 from thesis_lib.studies.proof.store import NOTHING, share
 
-# figure, kind of the datasets, drops, share asked
+# figure, kind of the datasets, number of drops, required share
 ASKED = (
     ("nothing hidden: adequate", NOTHING, 150, 0.95),
     ("one cause, named alone", "single", 150, 0.90),
@@ -27,13 +27,13 @@ SHORT = ("nothing hidden", "one cause", "pair", "outside", "50 drops", "paramete
 COVERAGE = (0.90, 0.98)
 PLACE = ("source", "shape", "contact_time")
 CONTACTS = ("figure", *PLACE, "at_least", "share", "low", "high", "n", "met")
-EVERY = "all"  # stands for all sources or shapes; an empty contact time for all of them
+EVERY = "all"  # stands for all sources or shapes; an empty contact time stands for all contact times
 
 
 def by_contact(outcomes: pd.DataFrame, recovered: pd.DataFrame) -> pd.DataFrame:
-    """A row per figure, source, shape and contact time with results, and one for all times, and for all: `CONTACTS`.
+    """A row per figure, source, shape and contact time with results, and rows of totals; columns `CONTACTS`.
 
-    `outcomes` and `recovered` are those of `results`; datasets of the first table of the proof do not count.
+    `outcomes` and `recovered` come from `results`; datasets of the first table of the proof do not count.
     """
     parts = [
         (figure, _real(of_table(outcomes, drops=drops)).query("kind == @kind"), "right", (asked, 1.0))
@@ -52,7 +52,7 @@ def by_contact(outcomes: pd.DataFrame, recovered: pd.DataFrame) -> pd.DataFrame:
 
 
 def _real(table: pd.DataFrame) -> pd.DataFrame:
-    """Rows without those of the headline, and of rigid sources with the usual contact time and shape."""
+    """Rows without those of the headline table and those of rigid sources with the usual contact time and shape."""
     table = table[table["seed"] < FRESH]
     first = usual(table[table["source"].isin(RIGID)])
     keys = list(table.columns.intersection(["source", "truth", "seed", *PLACE]))
@@ -67,7 +67,7 @@ def _row(figure: str, place: tuple, counted: pd.Series, asked: tuple[float, floa
 
 
 def misses(outcomes: pd.DataFrame) -> list[str]:
-    """A line for each dataset of `by_contact` whose verdict is wrong, by source and what was hidden."""
+    """A line for each dataset of `by_contact` whose verdict is wrong, by source, shape, contact time and truth."""
     rows = _real(outcomes[outcomes["drops"].isin({drops for *_, drops, _ in ASKED})]).query("not right")
     lines = []
     for (source, shape), group in rows.sort_values([*PLACE, "truth"]).groupby(["source", "shape"]):
@@ -90,7 +90,7 @@ def outside(recovered: pd.DataFrame) -> list[str]:
 
 
 def accuracy(recovered: pd.DataFrame) -> list[str]:
-    """A table of how far parameters are off, by source: relative to what was hidden, and in standard errors."""
+    """A table of the errors of parameters by source: relative to the hidden value, and in standard errors."""
     rows = _real(of_table(recovered))
     if not len(rows):
         return []
@@ -108,7 +108,7 @@ def accuracy(recovered: pd.DataFrame) -> list[str]:
 def as_markdown(outcomes: pd.DataFrame, recovered: pd.DataFrame, folded: bool = False) -> str:
     """A row for each source, shape and contact time (ms) and a column for each figure, then accuracy, then all misses.
 
-    `folded`: a page shows the misses only when asked.
+    If `folded`, the misses are in a collapsed section of the page.
     """
     table = by_contact(outcomes, recovered).fillna({"contact_time": 0.0})
     figures = {figure: f"≥ {100 * share:.0f} %" for figure, *_, share in ASKED}

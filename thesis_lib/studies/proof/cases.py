@@ -1,6 +1,6 @@
-"""The datasets of the proof: what is hidden in each, and how it is made.
+"""The datasets of the proof: the causes hidden in each, and how it is simulated.
 
-A source of truth is what makes the drops:
+The source of a dataset is the law or simulator that makes its drops:
 
 | source             | contact                                             | in                 |
 |--------------------|-----------------------------------------------------|--------------------|
@@ -10,18 +10,18 @@ A source of truth is what makes the drops:
 | drake_point        | Drake's spring with Hunt and Crossley's dissipation | simulate/drake     |
 | drake_hydroelastic | Drake's pressure field in a soft body               | simulate/drake     |
 | mujoco             | MuJoCo's spring, damper and viscous friction        | simulate/mujoco    |
-| mujoco_usual       | the same with settings that people use              | simulate/mujoco    |
+| mujoco_usual       | the same with settings that are common in practice  | simulate/mujoco    |
 
-Only in "law" the effect acts by its own law; elsewhere it follows from its cause.  In Drake's own contact restitution
-falls with the speed and the body gives way: who names that with nothing hidden is right (`by_itself`).
+Only in the source "law" an effect acts by its own law; elsewhere it follows from its physical cause.  In Drake's own
+contact models restitution falls with speed and the body yields; naming that with nothing hidden is right (`by_itself`).
 
 In "mujoco_usual" nothing is hidden.  Its seed draws body mass, friction, restitution, solimp and impratio (`USUAL`);
-a contact then knows how much mass stands behind it.
+the behaviour of a contact then depends on the mass behind it.
 
-Sizes raise the base law's error (for effects in flight the misfit of arcs, for the touch that of gaps) to about three
-times the noise floor.  They were fixed on seeds below `SEEDS`; the table uses `SEEDS` and above.  Sources with
-contacts as long as real ones have sizes of their own, by shape (`find_size`).  For the detection
-curve the factor √(R² − 1) / √8 scales them to R times the floor, as if squares of misfit and noise added up.
+Sizes raise the base law's error (for effects in flight the misfit of arcs, for effects on the touch the misfit of gaps)
+to about three times the noise floor.  They were fixed on seeds below `SEEDS`; the table uses `SEEDS` and above.
+Sources with contacts of realistic duration have their own sizes, by shape (`find_size`).  For the detection curve the
+factor √(R² − 1) / √8 scales the sizes to R times the floor, assuming that squares of misfit and noise add up.
 """
 
 from collections.abc import Mapping
@@ -54,7 +54,7 @@ from thesis_lib.simulate.rig.record import DropsWithTruth
 from thesis_lib.studies.proof.sizes import EPSILON, LAW, MU, cause_size, law_size, stored_factor
 from thesis_lib.studies.proof.store import NOTHING
 
-# contact time in s of each source unless a case says otherwise; 0: an instant
+# default contact time in s of each source; 0: impacts are instantaneous
 CONTACT_TIMES = {
     "law": 0.0,
     "mechanism": 2e-5,
@@ -65,22 +65,22 @@ CONTACT_TIMES = {
     "mujoco_usual": 1e-3,
 }
 SOURCES = tuple(CONTACT_TIMES)
-RIGID = ("law", "mechanism", "drake")  # contacts far shorter than real ones: the first table of the proof
-# surfaces of the sources in Drake
+RIGID = ("law", "mechanism", "drake")  # sources of the first table of the proof: contacts far shorter than real ones
+# contact surface (`DropsInDrake`) of each source in Drake
 SURFACES_OF = {"drake": "pad", "drake_point": "point", "drake_hydroelastic": "hydroelastic"}
 BODIES = {"ellipse": ELLIPSE_BODY, "square": SQUARE}
-OF_SOURCE = -1.0  # contact time of a case that takes its source's
+OF_SOURCE = -1.0  # as the contact time of a case: use the default of its source
 ALL_CAUSES: dict[str, Cause] = CAUSES | OWN
 RATIO = 3.0  # base law's misfit over the noise floor, at the stored sizes
-SEEDS = 1000  # first seed of the table; those below are for tuning
+SEEDS = 1000  # first seed of the table; seeds below are for tuning
 FRESH = 2000  # first seed of the headline table
-MUJOCO_STEPS = 60  # in one contact: the instant of the touch within a step then moves ε by a third of a per cent
-USUAL_STEPS = 200  # ... by a tenth
-# solimp's impedance at the touch and deep, 0.9 and 0.95 by default, and impratio
+MUJOCO_STEPS = 60  # time steps in one contact: the instant of touch within a step then moves ε by 1/3 of a per cent
+USUAL_STEPS = 200  # ... by a tenth of a per cent
+# impedance (solimp) at the touch and at depth, 0.9 and 0.95 by default, and impratio
 USUAL = {"impedance": ((0.9, 0.95), (0.9, 0.9), (0.99, 0.99), (0.9999, 0.9999)), "impratio": (1.0, 10.0, 100.0)}
 USUAL_MASS, USUAL_FRICTION, USUAL_RESTITUTION = (0.02, 1.0), (0.1, 0.4), (0.3, 0.8)  # kg, 1, 1
 
-# two causes at once, from different families; a pair of the source "law" has the effects that describe them
+# two causes at once, from different families; in the source "law" the effects that describe the two causes are used
 PAIRS = (
     ("hunt_crossley", "tilt"),
     ("com_offset_x", "linear_drag"),
@@ -97,12 +97,12 @@ PAIRS = (
 
 @dataclass(frozen=True)
 class Case:
-    """One dataset of the proof: `drops` releases with `noise` times the rig's.
+    """One dataset of the proof: `drops` releases with `noise` times the noise of the rig.
 
     `truth` is an effect (law) or cause (other sources), two of them joined by "+", or "nothing"; `ratio` is the nominal
     misfit over the noise floor; `shape` is one of `BODIES`, by default the ellipse unless corners matter;
-    `contact_time` is in s, by default that of the source.  ValueError for corners of an ellipse, or if an instant is to
-    last.
+    `contact_time` is in s, by default that of the source.  ValueError if a truth that needs corners is combined with an
+    ellipse, or if the source cannot have the contact time (0 for "law", positive for the others).
     """
 
     source: str
@@ -132,7 +132,7 @@ class Case:
 
     @property
     def is_usual(self) -> bool:
-        """Whether shape and contact time are those that cases of this source and truth have by default."""
+        """Whether shape and contact time are the defaults of this source and truth."""
         usual = replace(self, shape="", contact_time=OF_SOURCE)
         return (self.shape, self.contact_time) == (usual.shape, usual.contact_time)
 
@@ -150,7 +150,7 @@ class Case:
 
     @property
     def expected(self) -> tuple[tuple[str, ...], ...]:
-        """For each hidden effect or cause the effects that describe it, the best first; () if outside the library.
+        """Effects that describe each hidden effect or cause, the best first; () for a cause outside the library.
 
         KeyError if there is no such effect or cause.
         """
@@ -158,16 +158,16 @@ class Case:
 
     @property
     def by_itself(self) -> tuple[str, ...]:
-        """Effects that the source's contact has with nothing hidden, and that may be named."""
+        """Effects that the contact model of the source has with nothing hidden; naming them is right."""
         if self.source == "drake_point":
             return ("velocity_dependent_restitution", "soft_body")
-        if self.source == "drake_hydroelastic":  # a soft body on a hard plate, whose contact stiffens with its depth
+        if self.source == "drake_hydroelastic":  # a soft body on a hard plate; the contact stiffens with depth
             return ("velocity_dependent_restitution", "soft_body", "velocity_dependent_contact_time")
         return ()
 
     @property
     def body(self) -> Body:
-        """The body of the case's shape; in "mujoco_usual" with a mass of its own."""
+        """The body of the case's shape; in "mujoco_usual" its mass is drawn at random."""
         body = BODIES[self.shape]
         if self.source != "mujoco_usual":
             return body
@@ -176,7 +176,7 @@ class Case:
 
     @property
     def contact(self) -> dict[str, Any]:
-        """Settings of MuJoCo's contact beside its time."""
+        """Settings of MuJoCo's contact other than the contact time."""
         if self.source != "mujoco_usual":
             return {"steps": MUJOCO_STEPS}
         rng = generator(self.seed, "usual contact")
@@ -197,14 +197,14 @@ class Case:
 
     @property
     def sizes(self) -> dict[str, float]:
-        """Size of each hidden cause, in its unit; of an effect of the source law the factor on its scales."""
+        """Size of each hidden cause, in its unit; for effects (source law) the factor on their parameters' scales."""
         if self.source == "law":
             return {name: self.factor * stored_factor(name) for name in self.hidden}
         return {name: self.size(name) for name in self.hidden}
 
     @property
     def factor(self) -> float:
-        """Factor on the stored sizes for the case's ratio, as if squares of misfit and noise added up."""
+        """Factor on the stored sizes for the case's ratio, assuming that squares of misfit and noise add up."""
         return float(np.sqrt(self.ratio**2 - 1.0) / np.sqrt(RATIO**2 - 1.0))
 
 
@@ -221,14 +221,14 @@ def truths(source: str) -> list[str]:
         return [NOTHING, *MUJOCO]
     if source == "mujoco_usual":
         return [NOTHING]
-    if source == "law":  # impacts of a law are instants, and nothing slides after them
+    if source == "law":  # impacts by a law are instantaneous, and no body slides after them
         left_out = {name for name, e in EFFECTS.items() if e.needs_contact_time or e.channels == ("slide",)}
         return [NOTHING, *(name for name in effects_in(PLANE) if name not in left_out)]
     return [NOTHING, *CAUSES]
 
 
 def pairs(source: str) -> list[str]:
-    """All pairs of a source."""
+    """All pairs of hidden effects or causes of a source, joined by "+"."""
     if source == "law":
         return ["+".join(CAUSES[name].effects[0] for name in pair) for pair in PAIRS]
     return ["+".join(pair) for pair in PAIRS if set(pair) <= set(truths(source))]
@@ -237,9 +237,9 @@ def pairs(source: str) -> list[str]:
 def make(
     case: Case, sizes: Mapping[str, float] | None = None, rng: np.random.Generator | None = None
 ) -> tuple[Dataset, dict[str, float]]:
-    """The dataset, and the true parameters by full name; of causes those that are a size.
+    """Simulate a case; return the dataset and its true parameters by full name (of a cause: that which is its size).
 
-    `sizes` of what is hidden and `rng` are those of the case unless they are given.
+    The hidden `sizes` and the stream `rng` are by default those of the case.
     """
     contact = () if case.is_usual and case.source in RIGID else (case.shape, f"{case.contact_time:g}")
     rng = rng or generator(case.seed, "proof", case.source, case.truth, *contact)
@@ -258,7 +258,7 @@ def make(
 
 
 def simulate(case: Case, sizes: Mapping[str, float], rng: np.random.Generator) -> DropsWithTruth:
-    """Drops of a case's source, body, contact time and noise, with hidden causes of given `sizes`."""
+    """Simulate drops with the source, body, contact time and noise of a case, and hidden causes of given `sizes`."""
     from thesis_lib.simulate.compliant.drops import OwnContact, simulate_compliant_drops
 
     hidden: dict = {name: True if name == "mirrored" else size for name, size in sizes.items()}

@@ -1,10 +1,10 @@
-"""Compute stored rows of the proof again: a random sample, or all.
+"""Recompute stored rows of the proof, a random sample or all, and compare the results.
 
-A row agrees if verdict and groups of effects are equal, and its numbers are within `MOVED`.  Effects of one group
-cannot be told apart, so that their order does not count.  Another answer and moved numbers are always told; only a
-right answer (`is_right`) that became a wrong one counts against the code.  Rows are older than the code, and a few lie
-where a small change or another processor turns them, so that `check_sample` fails on the second such row, not on the
-first.  The p-value of what remains is random and is not compared.
+A row agrees if verdict and groups of effects are equal and its numbers are within `MOVED`.  The order of effects within
+a group does not count, since they cannot be distinguished.  Changed answers and numbers are always reported; only a
+right answer (`is_right`) that became wrong counts against the code.  Stored rows may be older than the code, and a few
+are so close to a threshold that a small change or another processor turns them; `check_sample` therefore fails on the
+second such row, not the first.  The p-value of the remaining structure is random and is not compared.
 """
 
 import math
@@ -22,14 +22,14 @@ from thesis_lib.studies.proof.results import is_right
 from thesis_lib.studies.proof.store import STORE, Cells, code_of, groups_of, said_of, stamped
 
 MOVED = 1e-3  # relative; searches that end elsewhere in the last digits differ by less than 1e-5
-FLOOR_MOVED = 0.05  # relative; the floor is drawn, and differs by up to 2 % between streams
-MORE = 4  # rows that a sample grows by if a right answer in it became wrong
+FLOOR_MOVED = 0.05  # relative; the floor comes from random draws and differs by up to 2 % between streams
+MORE = 4  # rows that are added to a sample in which a right answer became wrong
 
 AGREES, MOVES, DIFFERS, WORSE = "agrees", "moved", "differs", "was right and is wrong"
 
 
 def compare(case: Case, stored: Cells, again: Cells) -> tuple[str, str]:
-    """`AGREES`, `MOVES` (numbers), `DIFFERS` (the answer) or `WORSE`, and the differences."""
+    """Return `AGREES`, `MOVES` (numbers changed), `DIFFERS` (answer changed) or `WORSE`, and the differences."""
     rows = (stored, again)
     answers = [(row["verdict"], row["why"], [set(group) for group in groups_of(row["named"])]) for row in rows]
     if answers[0] != answers[1]:
@@ -49,9 +49,9 @@ def check(
     tell: Callable[[str], object] = print,
     failing: Sequence[str] = (WORSE,),
 ) -> bool:
-    """Compute stored rows again, `tell` how each compares, and return whether none fails.
+    """Recompute stored rows, report each comparison with `tell`, and return whether no status is in `failing`.
 
-    `stamp` stores each new row, with today's hash, whose verdict and groups agree.
+    If `stamp` is set, each new row whose verdict and groups agree is stored with today's hash.
     """
     passed = True
     for case in cases:
@@ -73,7 +73,7 @@ def check_sample(
     stamp: bool = False,
     tell: Callable[[str], object] = print,
 ) -> bool:
-    """`check` that many older rows, and `MORE` if a right answer became wrong; return whether at most one did."""
+    """`check` some older rows, and `MORE` if a right answer became wrong; return whether at most one became wrong."""
     cases, worse = rows_to_check(size + MORE, sources, store), 0
     for i, case in enumerate(cases):
         if i >= size and not worse:
@@ -83,9 +83,9 @@ def check_sample(
 
 
 def rows_to_check(sample: int | None, sources: Sequence[str] = SOURCES, store: Path = STORE) -> list[Case]:
-    """Rows made by other code or sizes than today's: the first of a random order, or all of them (None).
+    """Rows that other code or sizes than today's made: `sample` of them in random order, or all of them (None).
 
-    The order is the same for equal code.
+    The random order depends only on the code.
     """
     rows = [pair for source in sources for pair in read_rows(source, store).items()]
     older = [case for case, row in rows if not is_of_today(case, row)]
@@ -96,7 +96,7 @@ def rows_to_check(sample: int | None, sources: Sequence[str] = SOURCES, store: P
 
 
 def ages(store: Path = STORE) -> str:
-    """Text that counts the rows of each source by the code that made them."""
+    """Table as text: number of rows of each source by the code that made them."""
     lines = [f"Today's code is {code_of(compute)}. Rows by the code that made them:"]
     for source in SOURCES:
         rows = read_rows(source, store)
@@ -108,23 +108,23 @@ def ages(store: Path = STORE) -> str:
 
 
 def rerun(names: Sequence[str], store: Path = STORE) -> pd.DataFrame:
-    """Compute the first dataset of each "source/truth" again: columns source, truth, verdict, agrees (1).
+    """Recompute the first dataset of each "source/truth": columns source, truth, verdict, agrees (1).
 
-    UserError if a result is not stored, or differs now.
+    UserError if a result is not stored or differs from the stored one.
     """
     cases = [Case(source, truth, SEEDS) for source, truth in (name.split("/") for name in names)]
     if missing := [case for case in cases if case not in read_rows(case.source, store)]:
         named = ", ".join(f"{case.source}/{case.truth}" for case in missing)
         raise UserError(
-            f"The proof holds no result of {named} to compare with. Make it with python -m "
+            f"The proof holds no stored result of {named} to compare with. Compute it with python -m "
             f"thesis_lib.studies.proof run --source {missing[0].source} --truths {missing[0].truth}, or leave it out "
             "of critique.proof in the configuration."
         )
     lines: list[str] = []
     if not check(cases, store, tell=lines.append, failing=(DIFFERS, WORSE)):
         raise UserError(
-            "\n".join(["The critique says something else than the stored proof:", *lines])
-            + f"\nIf it is meant, delete these lines in {store} and run python -m thesis_lib.studies.proof run."
+            "\n".join(["The critique now gives other results than the stored proof:", *lines])
+            + f"\nIf this is intended, delete these lines in {store} and run python -m thesis_lib.studies.proof run."
         )
     rows = [(case.source, case.truth, read_rows(case.source, store)[case]["verdict"], 1) for case in cases]
     return pd.DataFrame(rows, columns=["source", "truth", "verdict", "agrees"])

@@ -1,4 +1,4 @@
-"""The rows of config/proof/<source>.csv: what the critique says of each dataset of drops.
+"""The rows of config/proof/<source>.csv: results of the critique for each dataset of drops.
 
 | column                            | unit | meaning                                                                   |
 |-----------------------------------|------|---------------------------------------------------------------------------|
@@ -10,8 +10,8 @@
 | base, augmented, floor            | m/s  | held-out error of the impacts before and after, and its noise floor       |
 | flight_..., touch_...             | 1    | held-out misfit of flights and gaps, in units of noise; empty: none       |
 | remaining_p                       | 1    | p-value of the remaining structure                                        |
-| parameters                        |      | of a single hidden effect that the model contains, if a true value        |
-|                                   |      | exists: true, found, std, Fisher's bound (empty if no law is true)        |
+| parameters                        |      | of a single hidden effect that the model contains, if it has a true       |
+|                                   |      | value: true, found, std, Fisher's bound (empty if no law is true)         |
 | why                               |      | reason of a refusal                                                       |
 | code, made                        |      | as in `store`                                                             |
 """
@@ -51,7 +51,7 @@ COLUMNS = (
     *("truth", "ratio", "drops", "noise", "seed", "shape", "contact_time", "sizes", "verdict", "law", "named"),
     *("n_impacts", *ERRORS, "remaining_p", "parameters", "why", *STAMP),
 )
-# slopes g of a coefficient c (1 + m g x)^(1/m) by what is counted from the reference: c, x and m
+# slopes g of a coefficient c (1 + m g x)^(1/m), where x is measured from the reference: c, x and m
 SLOPES = {
     "wear.w": ("epsilon", "trial", 1.0),
     "position_dependent_restitution.g_eps": ("epsilon", "x", 1.0),
@@ -61,14 +61,14 @@ SLOPES = {
 
 
 def table_of(source: str, store: Path = STORE) -> Rows:
-    """The table of a source."""
+    """The table of stored rows of a source."""
     return Rows(Path(store) / f"{source}.csv", COLUMNS, KEY, f"{COMMAND} run")
 
 
 def read_rows(source: str, store: Path = STORE) -> dict[Case, Cells]:
     """The stored rows of a source, empty if there is no table.
 
-    CorruptFileError if a row is unreadable or duplicate, or its truth unknown.
+    CorruptFileError if a row is unreadable or duplicate, or its truth is unknown.
     """
     rows: dict[Case, Cells] = {}
 
@@ -77,9 +77,9 @@ def read_rows(source: str, store: Path = STORE) -> dict[Case, Cells]:
         case = Case(source, cells["truth"], int(cells["seed"]), int(cells["drops"]), shape=cells["shape"], **sizes)
         _ = case.kind, numbers_of_row(cells)  # raise KeyError or ValueError
         if cells["verdict"] not in VERDICTS:
-            raise ValueError(f"no verdict is called {cells['verdict']!r}")
+            raise ValueError(f"unknown verdict {cells['verdict']!r}")
         if case in rows:
-            raise ValueError("the dataset stands twice")
+            raise ValueError("the dataset occurs twice")
         rows[case] = cells
 
     table_of(source, store).parsed(add)
@@ -87,7 +87,7 @@ def read_rows(source: str, store: Path = STORE) -> dict[Case, Cells]:
 
 
 def numbers_of_row(cells: Cells) -> dict[str, float]:
-    """The numbers of a row by column, those of parameters as "name std"; ValueError if one is none."""
+    """The numbers of a row by column, for parameters by e.g. "name std"; ValueError if one is not a number."""
     parameters = {
         f"{name} {kind}": value
         for name, values in numbers_of(cells["parameters"]).items()
@@ -97,17 +97,17 @@ def numbers_of_row(cells: Cells) -> dict[str, float]:
 
 
 def sizes_of(case: Case) -> str:
-    """The cell with the sizes of what is hidden today."""
+    """The cell with today's sizes of the hidden effects or causes."""
     return ";".join(f"{name}={as_cell(size)}" for name, size in case.sizes.items())
 
 
 def is_of_today(case: Case, row: Cells) -> bool:
-    """Whether today's code made the row, with today's sizes."""
+    """Return whether today's code made the row, with today's sizes."""
     return row["code"] == code_of(compute) and row["sizes"] == sizes_of(case)
 
 
 def compute(case: Case) -> dict[str, object]:
-    """Make the dataset of a case, and criticise it: a row of the table."""
+    """Simulate the dataset of a case and criticise it; return a row of the table."""
     row: dict[str, object] = {**dict.fromkeys(COLUMNS, ""), **vars(case), "sizes": sizes_of(case)}
     dataset, true = make(case)
     found, critique = criticised(dataset, case.seed)
@@ -119,7 +119,7 @@ def compute(case: Case) -> dict[str, object]:
 
 
 def _parameters(critique: DropsCritique, true: dict[str, float]) -> dict[str, tuple[float, ...]]:
-    """`RECOVERED` of the continuous parameters of the hidden effect, sorted by short name."""
+    """The values `RECOVERED` of each continuous parameter of the hidden effect, sorted by short name."""
     fitted, true = critique.discovery.fitted, counted_from(critique.training.rig.reference, true)
     continuous = {name for name, p in fitted.model.parameters.items() if "." in name and p.discrete is None}
     names = [name for name in true if name in continuous]
@@ -134,7 +134,7 @@ def _parameters(critique: DropsCritique, true: dict[str, float]) -> dict[str, tu
 
 
 def counted_from(reference: Reference, true: Mapping[str, float]) -> dict[str, float]:
-    """Parameters that count from `reference` and say the same as those, by full name, that count from 0.
+    """Parameters by full name, converted from coordinates measured from 0 to coordinates measured from `reference`.
 
     With m = 1, c (1 + g x) = c (1 + g x_0) (1 + g / (1 + g x_0) (x − x_0)).
     """
@@ -152,9 +152,9 @@ def counted_from(reference: Reference, true: Mapping[str, float]) -> dict[str, f
 def run(
     cases: Sequence[Case], jobs: int, tell: Callable[[str], object], store: Path = STORE, again: bool = False
 ) -> bool:
-    """Compute the cases that are not stored, some 20 s of CPU each, and return whether all were computed.
+    """Compute the cases that are not stored, about 20 s of CPU each, and return whether all were computed.
 
-    `jobs` at a time, `tell` each; with `again` also those whose row other code than today's made, after the others.
+    `jobs` run at a time, and `tell` reports each; with `again`, rows made by older code are recomputed afterwards.
     """
     tables = {case.source: table_of(case.source, store) for case in cases}
     own = {"jobs": jobs, "again": again, "is_of_today": is_of_today}

@@ -1,29 +1,29 @@
-"""Models fitted directly, without a search: what a contact leaves, and what its parts are worth.
+"""Models fitted directly, without a search: remaining error of contact models, and the gain of each of their parts.
 
     python -m thesis_lib.studies.proof direct-fits run --drops "MuJoCo, ellipse" --drops "MuJoCo, square"
     python -m thesis_lib.studies.proof direct-fits run --drops "die, single hits" --measured data/measured
     python -m thesis_lib.studies.proof direct-fits table
 
-Simulated drops, most with nothing hidden, are all fitted and judged, as nothing is chosen by them; measured ones, with
-the effects that residuals ask for, are judged on the 30 % of the trials that are not fitted.  Effects are added in
-their order.  `run` replaces the rows of some drops in config/proof/direct_fits.csv.
+Simulated drops, most with nothing hidden, are all used for both fitting and judging, since no model is selected with
+them.  Measured drops, with the effects that their residuals call for, are judged on the 30 % of the trials that are not
+fitted.  Effects are added in the order given.  `run` replaces the rows of some drops in config/proof/direct_fits.csv.
 
 | column              | unit | meaning                                                                     |
 |---------------------|------|-----------------------------------------------------------------------------|
-| drops, model        |      | key of `SERIES`; base, and effects behind "+"                               |
-| detected, used      | 1    | hits                                                                        |
-| gain                | nats | log score of the fitted hits over that of the first model                   |
-| error, median       | m/s  | of the velocity after impact, of the judged hits                            |
-| noise_floor         | m/s  | what noise makes of `error`                                                 |
+| drops, model        |      | key of `SERIES`; base, and effects after "+"                                |
+| detected, used      | 1    | number of hits                                                              |
+| gain                | nats | log score of the fitted hits minus that of the first model                  |
+| error, median       | m/s  | mean and median error of the velocity after impact, of the judged hits      |
+| noise_floor         | m/s  | part of `error` that is due to noise                                        |
 | single, episodes    | m/s  | `error` of single hits and of episodes                                      |
 | flat_hits, flat     | m/s  | number and `error` of single hits at which two corners touch at once        |
 | learned, low, high  | m/s  | `questions.floor` of measured drops: `learned`, and the interval of `gain`  |
-| pairs               | m/s  | its bound from pairs                                                        |
+| pairs               | m/s  | `questions.floor` of measured drops: bound from pairs of similar hits       |
 | by_contact          |      | of a hull in space, by kind of contact: `error`, its noise floor, number of judged  |
 |                     |      | hits, and share of all such hits that is used; e.g. "corner=0.1:0.02:90:0.9;…"      |
-| tosses              |      | of a body in space, of whole held-out tosses from their first flight: each number   |
-|                     |      | of `simulation.rollout` with its 95 % interval, and the same of the floor           |
-| refitted, refitted_parameters | | the same of `tosses` with these parameters fitted to whole tosses (`to_tosses`) |
+| tosses              |      | of a body in space, for whole held-out tosses from their first flight: each number  |
+|                     |      | of `simulation.rollout` with its 95 % interval, and the value for its floor  |
+| refitted, refitted_parameters | | `tosses` once more, with these parameters fitted to whole tosses (`to_tosses`)  |
 | parameters          |      | with standard errors                                                        |
 | code, made          |      | hash of the code that made the row, empty: unknown; date                    |
 """
@@ -72,8 +72,8 @@ OF_TOSSES = ("name", "value", "low", "high", "floor")
 OF_CONTACTS = ("kind", "error", "noise_floor", "n", "used_share")
 NUMBERS = {"tosses": OF_TOSSES, "refitted": OF_TOSSES, "by_contact": OF_CONTACTS}
 HERTZ_TIME = 3e-3  # s
-MEASURED = ("planar_", "contactnets_")  # how the names of measured sets begin
-FLAT = np.radians(2.0)  # of a face: both of its corners touch within a contact of 1 ms
+MEASURED = ("planar_", "contactnets_")  # prefixes of the names of measured sets
+FLAT = np.radians(2.0)  # angle between face and surface below which both corners touch within a contact of 1 ms
 HELD_OUT = 0.3  # of the trials
 SEED = 0
 
@@ -82,16 +82,16 @@ SEED = 0
 class Series:
     """Drops of a source of the proof, of "hertz", or of a measured set, and the models that are fitted to them.
 
-    `along_throws`: whether each toss is turned to be thrown along the same axis (`datasets turn`).  `to_tosses`: by
-    model, parameters that are fitted to whole tosses, too, instead of to hits.
+    `along_throws`: whether each toss is rotated so that all are thrown along the same axis (`datasets turn`).
+    `to_tosses`: by model, parameters that are fitted once more, to whole tosses instead of hits.
     """
 
     source: str
     models: tuple[str, ...]
     shape: str = "ellipse"
-    trials: int | None = None  # the first ones of a measured set
+    trials: int | None = None  # number of trials of a measured set that are used, the first ones
     episodes: bool = False
-    truth: str = NOTHING  # what is hidden in simulated drops
+    truth: str = NOTHING  # hidden effect or cause of simulated drops
     along_throws: bool = False
     to_tosses: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
 
@@ -109,7 +109,7 @@ _DIE = (
     "mirtich+linear_drag+rounded_corners+angle_offset+wrong_inertia+tangential_compliance"
     "+velocity_dependent_restitution+surface_patch"
 )
-# a pressure field has no rounded corners: the field gives way there
+# without rounded corners: in a pressure field the corners yield anyway
 _DIE_FIELD = (
     "pressure_field_contact+linear_drag+angle_offset+wrong_inertia+velocity_dependent_restitution+surface_patch"
     "+surface_height"
@@ -151,14 +151,14 @@ SERIES = {
     "measured ellipse": Series("planar_impact", (_PLATE, f"{_PLATE}+angle_offset+time_lag")),
 }
 
-# new rows of some drops replace all that these have
+# new rows of a series of drops replace all its stored rows
 ROWS = stored(
     "direct_fits", ("drops",), FOUND, "direct-fits run", digits=6, order=lambda row: list(SERIES).index(row["drops"])
 )
 
 
 def drops_of(series: Series, measured: Path) -> Dataset:
-    """The drops of a series: the first of the proof's seeds, or the trials of a set in the folder `measured`."""
+    """The drops of a series: simulated with the first seed of the proof, or read from the folder `measured`."""
     if series.is_measured:
         dataset = read_dataset(measured / series.source).first_trials(series.trials)
         return along_throws(dataset) if series.along_throws else dataset
@@ -171,7 +171,7 @@ def drops_of(series: Series, measured: Path) -> Dataset:
 
 
 def fit_in_steps(world: Drops, model: str) -> Fit:
-    """Fit a model to all hits from where quick fits end, in which its effects are added one after the other."""
+    """Fit a model to all hits, started from quick fits to which its effects are added one after the other."""
     base, *names = model.split("+")
     effects = tuple(EFFECTS[name] for name in names)
     fitted = world.fit(base, (), effort="quick")
@@ -181,7 +181,7 @@ def fit_in_steps(world: Drops, model: str) -> Fit:
 
 
 def rows(name: str, dataset: Dataset) -> list[dict]:
-    """A row for each model of a series."""
+    """Fit the models of a series to its drops; return a row of the table for each model."""
     series = SERIES[name]
     seen = observe if dataset.space.is_plane else observe_in_space
     o = seen(dataset, episodes=series.episodes)
@@ -204,7 +204,7 @@ def rows(name: str, dataset: Dataset) -> list[dict]:
 
 
 def told_parameters(fitted: Fit) -> list[str]:
-    """Each fitted parameter with its standard error, or the bound that is all the drops give."""
+    """Each fitted parameter with its standard error, or with its bound if the drops give only a bound."""
     told = {key: fitted.content(key) for key in fitted.model.fitted_parameters}
     sizes = [bounded(p) if "bound" in p else f"{number(p['value'])} ± {number(p['std'], 2)}" for p in told.values()]
     return [f"{key} {size}" for key, size in zip(told, sizes)]
@@ -224,8 +224,8 @@ def _errors(fitted: Fit, o: Observations) -> dict[str, float]:
 
 
 def by_contact(fitted: Fit, o: Observations, judged: Observations) -> dict[str, tuple[float, float, int, float]]:
-    """By kind of contact of a hull in space the error of judged hits and its floor in m/s, their number, and the share
-    of all such hits of `o` that is used."""
+    """For each kind of contact of a hull in space: error of judged hits and its noise floor in m/s, their number, and
+    the share of all such hits of `o` that is used."""
     hits, here = hard_hits(o), hard_hits(judged)
     found = {}
     for kind in CONTACT_KINDS:
@@ -249,7 +249,7 @@ def _in_space(
 
 
 def _rolled_out(model: SavedSpaceModel, dataset: Dataset, judged: Observations) -> str:
-    """Each number of the judged trials' whole tosses, with interval and floor."""
+    """The cell with the roll-out errors of the judged trials' whole tosses, with intervals and noise floors."""
     found = roll_out(model, dataset, np.unique(judged.trial).tolist(), generator(SEED, "rollout"))
     said = found.content("first_flight", generator(SEED, "intervals"))
     tosses = {
@@ -261,7 +261,7 @@ def _rolled_out(model: SavedSpaceModel, dataset: Dataset, judged: Observations) 
 
 
 def numbers(column: str) -> pd.DataFrame:
-    """The stored numbers in the cells of a column, a row each: drops, model and `NUMBERS`."""
+    """The stored numbers in the cells of a column, a row for each: drops, model and `NUMBERS`."""
     rows = [
         (one["drops"], one["model"], name, *values)
         for one in ROWS.parsed(dict)
@@ -276,7 +276,7 @@ def _floor(fitted: Fit, o: Observations) -> dict[str, float | None]:
 
 
 def parameters(path: Path = ROWS.path) -> pd.DataFrame:
-    """The stored parameters without those that are only bounded, a row each: drops, model, name, value, std."""
+    """The stored parameters that are not merely bounded, a row for each: drops, model, name, value, std."""
     plain = str.maketrans("−⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "--0123456789")
     rows = [
         (one["drops"], one["model"], name, *(float(x.translate(plain).replace("·10", "e")) for x in (value, std)))
@@ -287,7 +287,7 @@ def parameters(path: Path = ROWS.path) -> pd.DataFrame:
 
 
 def tables(path: Path = ROWS.path) -> tuple[str, str, str]:
-    """The stored rows as Markdown: those of simulated drops, of measured ones, and parameters of the latter."""
+    """The stored rows as Markdown: simulated drops, measured drops, and the parameters for measured drops."""
     stored = pd.read_csv(path)
     measured = np.array([SERIES[str(name)].is_measured for name in stored["drops"]])
     plain = [
@@ -323,7 +323,7 @@ def _cell(value: float) -> str:
 
 
 def compute(names: Iterable[str], measured: Path, say: Callable[[str], object]) -> None:
-    """Fit the models of some series and store their rows; measured sets are in the folder `measured`."""
+    """Fit the models of the named series and store their rows; measured sets are in the folder `measured`."""
     for name in names:
         made = [stamped(row, rows) for row in rows(name, drops_of(SERIES[name], measured))]
         ROWS.put(*made)

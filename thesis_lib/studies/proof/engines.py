@@ -1,11 +1,11 @@
-"""The proof of the comparison: drops that an engine made, hidden from the fits; is it recognised, and right?
+"""The proof of the comparison of engines: is the engine that made the drops recognised, and does it fit them?
 
-A dataset is made by MuJoCo or by Drake (point contact), with nothing or one cause hidden, and goes through the critique
-and the comparison of both engines.  Asked:
+A dataset is made by MuJoCo or by Drake (point contact), with nothing or one cause hidden.  The critique and the
+comparison of both engines then analyse it without using its origin.  The questions:
 
-    recognised   the engine that made the drops errs least of both, with the effects that were named
-    adequate     with nothing hidden, or with the hidden cause named, it errs by no more than `ENOUGH` noise floors
-    agree        with the named effects the engines' μ are within a tenth
+    recognised   of both engines, the engine that made the drops has the smaller error, with the named effects
+    adequate     with the named effects, the error of that engine is less than `ENOUGH` noise floors
+    agree        with the named effects the engines' μ agree within a tenth
 
 config/proof/engines.csv holds a row per dataset:
 
@@ -13,10 +13,10 @@ config/proof/engines.csv holds a row per dataset:
 |---------------------------------|------|------------------------------------------------------------------|
 | engine, shape, truth, seed      |      | the dataset                                                      |
 | verdict, named                  |      | of the critique; effects joined by +                             |
-| best                            |      | engine that errs least with them                                 |
-| own, other, floor               | m/s  | held-out error of the engine that made the drops, of the other   |
+| best                            |      | engine with the smallest error with these effects                |
+| own, other, floor               | m/s  | held-out error of that which made the drops, of the other; noise |
 | ratio_default                   | 1    | μ of the engines, larger over smaller: default contact, μ fitted |
-| ratio_before, ratio_after       | 1    | with the contact fitted, too, without and with the named effects |
+| ratio_before, ratio_after       | 1    | with the contact also fitted, without and with the named effects |
 | mu, mu_std                      | 1    | of the engine that made the drops                                |
 | code, made                      |      | hash of the code that made the row, empty: unknown; date         |
 """
@@ -39,9 +39,9 @@ from thesis_lib.statistics.wording import count
 from thesis_lib.studies.proof.cases import BODIES
 from thesis_lib.studies.proof.store import NOTHING, stored, with_effects
 
-SEEDS = 1000  # the table's begin here
+SEEDS = 1000  # first seed of the table
 ENGINES = ("mujoco", "drake")
-TRUTHS = {NOTHING: 0.0, "com_offset_x": 1e-3, "size_error": 0.05, "tilt": 0.1}  # and sizes: twice those of `CAUSES`
+TRUTHS = {NOTHING: 0.0, "com_offset_x": 1e-3, "size_error": 0.05, "tilt": 0.1}  # hidden causes; sizes twice `CAUSES`
 DROPS = 60
 MU, EPSILON, CONTACT_TIME = 0.2, 0.6, 1e-3
 ENOUGH, AGREE = 1.5, 1.1
@@ -53,7 +53,7 @@ ROWS = stored("engines", ("engine", "shape", "truth", "seed"), FOUND, "engines r
 
 @dataclass(frozen=True)
 class EngineCase:
-    """One dataset."""
+    """One dataset of the table."""
 
     engine: str
     shape: str
@@ -62,7 +62,7 @@ class EngineCase:
 
 
 def cases(seeds: int = 5, first: int = SEEDS) -> list[EngineCase]:
-    """The whole table, `seeds` of each engine and shape and truth, mixed: a part of it is like the whole."""
+    """All datasets of the table, `seeds` for each engine, shape and truth, mixed: any part represents the whole."""
     return [
         EngineCase(engine, shape, truth, first + i)
         for i in range(seeds)
@@ -73,7 +73,7 @@ def cases(seeds: int = 5, first: int = SEEDS) -> list[EngineCase]:
 
 
 def make(case: EngineCase, drops: int = DROPS) -> Dataset:
-    """The drops of a case, as a rig records them."""
+    """Simulate the drops of a case as a rig would record them."""
     from thesis_lib.simulate.drake.drops import DropsInDrake
 
     made = simulate_compliant_drops(
@@ -90,7 +90,7 @@ def make(case: EngineCase, drops: int = DROPS) -> Dataset:
 
 
 def compute(case: EngineCase) -> dict[str, object]:
-    """Criticise, compare both engines, and sum up: a row of the table."""
+    """Criticise the dataset of a case and compare both engines on it; return a row of the table."""
     rng = generator(case.seed, "engines proof critique", case.engine, case.shape, case.truth)
     judged = criticise_drops(make(case, DROPS), rng=rng)
     models = compare_models(judged, ENGINES)
@@ -119,7 +119,7 @@ def told(row: dict) -> str:
 
 
 def shares(rows: pd.DataFrame) -> pd.DataFrame:
-    """Counts of what is asked, by engine and by what was hidden: hits and n of each question."""
+    """Number of datasets for which each question (`ASKED`) is answered yes, and n, by engine and hidden cause."""
     right = rows.assign(
         recognised=rows["best"] == rows["engine"],
         adequate=rows["own"] < ENOUGH * rows["floor"],
@@ -132,7 +132,7 @@ def shares(rows: pd.DataFrame) -> pd.DataFrame:
 
 
 def as_markdown(store: Rows = ROWS) -> str:
-    """The shares as a table of a page, and their sums with 95 % intervals; UserError without rows."""
+    """The shares as a Markdown table, with totals and 95 % intervals; UserError if no rows are stored."""
     rows = store.table()
     counted = shares(rows)
     head = ("drops of", "hidden", "recognised", "adequate", "μ agree: default contact", "contact fitted")

@@ -1,9 +1,9 @@
-"""The headline of the proof: right verdicts by the world that made the drops, all by one state of the code.
+"""The headline table of the proof: right verdicts for each simulator, all computed with one state of the code.
 
-Worlds of three simulators, with contacts as long as real ones under both shapes.  In each world `PLANNED` datasets hide
-nothing, one cause, two, and a cause that no effect describes.  Truths, shapes and contact times take turns, and kinds
-and worlds are mixed evenly, so that a table of a part of them counts as the whole would.  Seeds begin at `FRESH`, which
-no earlier table has.  With how old each table of the proof is.
+There are three worlds (simulators), with contacts of realistic duration and both body shapes.  In each world `PLANNED`
+datasets hide nothing, one cause, two causes, or a cause that no effect describes.  Truths, shapes and contact times
+alternate, and kinds and worlds are mixed evenly: a partial table is representative of the whole.  Seeds begin at
+`FRESH`; no earlier table uses them.  A second table gives the age of each table of the proof.
 """
 
 from collections import Counter
@@ -24,7 +24,7 @@ from thesis_lib.studies.proof.store import COMMAND, NOTHING, STORE
 WORLDS = {"own": ("mechanism",), "MuJoCo": ("mujoco", "mujoco_usual"), "Drake": ("drake_point", "drake_hydroelastic")}
 TIMES = (1e-3, 3e-4, 3e-3)  # s, contact times
 PLANNED = {NOTHING: 60, "single": 208, "pair": 20, "outside": 20}  # datasets of each world, by kind
-# heads of the columns, and the kind of datasets whose verdicts are counted
+# labels of the rows, and the kind of datasets whose verdicts are counted
 FIGURES = {
     "nothing hidden: `adequate`": NOTHING,
     "one cause, named alone": "single",
@@ -47,7 +47,7 @@ def planned() -> list[Case]:
 
 
 def _cases(sources: Sequence[str], kind: str, wanted: int) -> list[Case]:
-    """`wanted` datasets of a kind: every truth once before any comes again, with another contact time."""
+    """`wanted` datasets of a kind; all truths occur once before one is repeated, with another contact time."""
     rng, cases = generator(0, "headline", *sources, kind), []
     bodies = [
         (source, shape, truth)
@@ -66,7 +66,7 @@ def _cases(sources: Sequence[str], kind: str, wanted: int) -> list[Case]:
 
 
 def as_markdown(store: Path = STORE) -> str:
-    """The table of a page, and which code made its rows."""
+    """The headline table in Markdown, and the code versions that computed its rows."""
     cases = planned()
     rows = [read_rows(source, store) for source in dict.fromkeys(case.source for case in cases)]
     made = [of[case] for case in cases for of in rows if case in of]
@@ -89,7 +89,7 @@ def as_markdown(store: Path = STORE) -> str:
 
 
 def ages_as_markdown(store: Path = STORE) -> str:
-    """How old each stored table of the proof is: its rows, when they were made, and whether they name their code."""
+    """Age of each stored table of the proof, in Markdown: its rows, their dates, and how many record their code."""
     lines = []
     for path in sorted(Path(store).glob("*.csv")):
         code, made = pd.read_csv(path, usecols=list(STAMP), keep_default_na=False)[list(STAMP)].to_numpy().T

@@ -1,4 +1,4 @@
-"""The critique of measured sets, stored: verdict, effects, errors, and whether what is left could be explained at all.
+"""Stored critiques of measured sets: verdict, effects, errors, and whether the remaining error could be explained.
 
     python -m thesis_lib.studies.proof measured run data/measured/planar_dice --trials 150 --single
     python -m thesis_lib.studies.proof measured table
@@ -8,13 +8,13 @@
 | column                     | unit | meaning                                                                    |
 |----------------------------|------|----------------------------------------------------------------------------|
 | dataset, trials, hits      |      | the set, trials with usable hits, and `all` or `single` hits               |
-| detected, used             | 1    | hits                                                                       |
-| verdict, effects           |      | effects in the order of selection, "~" before a stand-in                   |
-| chosen                     |      | `searched`, or `by hand`                                                   |
-| base, error, noise_floor   | m/s  | held-out error before and with the effects, and of noise, empty if unknown |
+| detected, used             | 1    | number of hits                                                             |
+| verdict, effects           |      | effects in the order of selection; "~" marks a stand-in (confounder)       |
+| chosen                     |      | how effects were chosen: `searched`, or `by hand`                          |
+| base, error, noise_floor   | m/s  | held-out error without and with the effects, and of noise; empty: unknown  |
 | median                     | m/s  | of the held-out errors with the effects                                    |
-| learned, low, high         | m/s  | `questions.floor` of held-out single hits: `learned`, `gain`; none in space |
-| max_effects                | 1    | most that the search could name                                            |
+| learned, low, high         | m/s  | `questions.floor` of held-out single hits: `learned`, `gain`; plane only   |
+| max_effects                | 1    | largest number of effects that the search could name                       |
 | code, made                 |      | hash of the code that made the row, empty: unknown; date                   |
 """
 
@@ -36,19 +36,19 @@ from thesis_lib.foundation.rows import Rows, by_cells
 from thesis_lib.statistics.wording import number
 from thesis_lib.studies.proof.store import stamped, stored
 
-KEY = ("dataset", "trials", "hits", "chosen")  # and the effects, where these were chosen by hand
+KEY = ("dataset", "trials", "hits", "chosen")  # if effects were chosen by hand, they also belong to the key
 FOUND = (
     *("detected", "used", "verdict", "effects", "base", "error", "median", "noise_floor"),
     *("learned", "low", "high", "max_effects"),
 )
 ROWS = stored("measured", KEY, FOUND, "measured run", digits=6, order=by_cells(*KEY, "effects"))
-MOST_EFFECTS = 10  # a rig that nobody made for this has more than four faults
+MOST_EFFECTS = 10  # a rig that was not built for the critique deviates in more than four ways
 SEED = 0
 _SEEN = {"planar_impact": "ellipse", "planar_dice": "dice", "contactnets_cube": "cube"}
 
 
 def row(critique: DropsCritique, hits: str, chosen: str) -> dict:
-    """The row of a critique."""
+    """The row of the table for a critique."""
     (_, _, before), (_, fitted, after) = critique.ladder[0], critique.ladder[-1]
     o, stand_ins = critique.observations, critique.stand_ins
     names = [step.effect.name for step in critique.discovery.steps if step.clears or chosen != "searched"]
@@ -72,7 +72,7 @@ def row(critique: DropsCritique, hits: str, chosen: str) -> dict:
 
 
 def store(new: dict, rows: Rows = ROWS) -> None:
-    """Add a row, or replace that of the same key; chosen by hand, also of the same effects."""
+    """Add a row, or replace the row with the same key (and, if chosen by hand, the same effects)."""
     by_hand = () if new["chosen"] == "searched" else ("effects",)
     replace(rows, key=(*KEY, *by_hand)).put(stamped(new, row))
 
@@ -80,9 +80,9 @@ def store(new: dict, rows: Rows = ROWS) -> None:
 def compute(dataset: Dataset, say: Callable[[str], None], single: bool = False, effects: str = "") -> None:
     """Criticise a measured set, with all hits or `single` ones, and store its row.
 
-    `effects` to switch on by hand instead of the search, with commas.
+    `effects`, separated by commas, are switched on instead of a search.
     """
-    most = MOST_EFFECTS if dataset.space.is_plane else None  # in space that of the library
+    most = MOST_EFFECTS if dataset.space.is_plane else None  # in space the library's default
     settings = CritiqueSettings(episodes=not single, max_effects=most)
     if not dataset.space.is_plane and hidden_drift(dataset):
         dataset = along_throws(dataset)

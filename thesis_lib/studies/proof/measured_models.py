@@ -1,16 +1,16 @@
-"""Laws and engines on measured sets, stored: a row for each model without and with the named effects.
+"""Stored comparison of laws and engines on measured sets: a row for each model without and with the named effects.
 
-config/proof/models_measured.csv; CI does not make it, since the sets are not part of this project.  Columns are those
-of `compare.COLUMNS`, rounded, and those of whole tosses, after
+The table is config/proof/models_measured.csv; CI does not compute it, since the sets are not part of this project.
+Columns are those of `compare.COLUMNS`, rounded, and those of whole tosses, after
 
 | column  | unit | meaning                                       |
 |---------|------|-----------------------------------------------|
 | dataset |      | the measured set                              |
-| trials  | 1    | the first ones, that were compared            |
+| trials  | 1    | number of trials compared, the first ones     |
 | named   |      | effects that the critique named, joined by +  |
 
-and before `STAMP` of `foundation.rows`.  Tosses whose drift shows axes that a random turn has hidden are turned along
-their throws first, as the pipeline does.
+and before `STAMP` of `foundation.rows`.  If a set's tosses were recorded in randomly rotated axes, each toss is first
+rotated to align the directions of the throws, as in the pipeline (`hidden_drift`, `along_throws`).
 """
 
 from collections.abc import Callable
@@ -40,8 +40,8 @@ ROWS = Rows(STORE / "models_measured.csv", COLUMNS, KEY, f"{COMMAND} measured-mo
 
 
 def compute(dataset: Dataset, say: Callable[[str], None], effects: str = "", store: Rows = ROWS) -> None:
-    """Criticise a measured set, compare laws and engines on it, and store the rows; `effects` with commas are switched
-    on by hand."""
+    """Criticise a measured set, compare laws and engines on it, and store the rows; `effects`, separated by commas, are
+    switched on by hand."""
     if not dataset.space.is_plane and hidden_drift(dataset):
         dataset = along_throws(dataset)
     chosen = [name for name in effects.split(",") if name] or None
@@ -53,7 +53,7 @@ def compute(dataset: Dataset, say: Callable[[str], None], effects: str = "", sto
 
 
 def as_markdown(store: Rows = ROWS, planar: bool = True) -> str:
-    """The stored rows of planar sets, or of those in space, as a table of a page; the best first."""
+    """The stored rows of planar sets, or of sets in space, as a Markdown table; the best model first."""
     head = ("set", "model", "effects", "held-out error (m/s), 95 %", "noise", "μ", "ε", "contact", "cannot have")
     lines, rows = [], store.table()
     rows = rows[(rows["position"].astype(str) == "") == planar]

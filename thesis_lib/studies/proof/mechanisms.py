@@ -1,10 +1,10 @@
-"""The proof of the critique of mechanisms: causes hidden in recordings that MuJoCo and Drake made (`simulate.engines`).
+"""The proof of the critique of mechanisms: causes hidden in recordings made by MuJoCo and Drake (`simulate.engines`).
 
-The engines' contacts take time and creep, the sensors count, lag and ripple; the critique's equations have none of
-it.  A recording is right if the verdict is exact:
+The engines' contacts last and creep, and the sensors quantise, lag and ripple; the critique's equations contain none of
+this.  The result for a recording is right if the verdict is exact:
 
     nothing hidden          adequate
-    a cause                 effects: this one and no other, or with at most two that cannot be told from it
+    a cause                 effects: this cause alone, or in a group with at most two indistinguishable effects
     outside the library     unexplained
 
 config/proof/mechanisms.csv holds a row per recording:
@@ -12,11 +12,11 @@ config/proof/mechanisms.csv holds a row per recording:
 | column                             | unit | meaning                                                        |
 |------------------------------------|------|----------------------------------------------------------------|
 | mechanism, engine, truth, seed     |      | the recording                                                  |
-| trials                             |      | usable ones                                                    |
+| trials                             |      | number of usable trials                                        |
 | verdict, named                     |      | of the critique; groups of effects as "a/b + c"                |
 | before, after                      | 1    | held-out misfit, in units of noise                             |
-| remaining_p, sensor_excess         | 1    | p-value of the remaining misfit; errors of sensors over stated |
-| parameters                         |      | "name=true:found:std" of each, joined by ";", if named         |
+| remaining_p, sensor_excess         | 1    | p-value of the remaining misfit; sensor errors over the stated |
+| parameters                         |      | "name=true:found:std" of a named cause's, joined by ";"        |
 | code, made                         |      | hash of the code that made the row, empty: unknown; date       |
 """
 
@@ -43,7 +43,7 @@ from thesis_lib.studies.proof.store import (
     stored,
 )
 
-SEEDS = 1100  # the table's begin here; those below 1000 are for development
+SEEDS = 1100  # first seed of the table; seeds below 1000 are for development
 ENGINES: tuple[EngineName, ...] = ("mujoco", "drake")
 FOUND = ("trials", "verdict", "named", "before", "after", "remaining_p", "sensor_excess", "parameters")
 ROWS = stored("mechanisms", ("mechanism", "engine", "truth", "seed"), FOUND, "mechanisms run", digits=4)
@@ -52,7 +52,7 @@ WITHIN = 1.96  # standard errors
 
 @dataclass(frozen=True)
 class MechanismCase:
-    """One recording."""
+    """One recording of the table."""
 
     mechanism: MechanismKind
     engine: EngineName
@@ -61,7 +61,7 @@ class MechanismCase:
 
 
 def cases(nothing: int = 10, causes: int = 3, first: int = SEEDS) -> list[MechanismCase]:
-    """All recordings of the table: `nothing` without and `causes` with each cause, of each mechanism and engine."""
+    """All recordings of the table: for each mechanism and engine `nothing` without a cause and `causes` with each."""
     return [
         MechanismCase(kind, engine, truth, first + i)
         for kind in TRUTHS
@@ -72,10 +72,10 @@ def cases(nothing: int = 10, causes: int = 3, first: int = SEEDS) -> list[Mechan
 
 
 def compute(case: MechanismCase) -> dict[str, object]:
-    """Record and criticise; a row of the table."""
+    """Simulate the recording of a case and criticise it; return a row of the table."""
     sizes = HiddenSizes()
     recording = simulate_recording(case.truth, case.mechanism, case.truth, case.engine, seed=case.seed)
-    # not from the recording's digest: its last digits depend on the processor
+    # not seeded by the recording's digest, since the last digits of the recording depend on the processor
     rng = generator(case.seed, "mechanism proof", case.mechanism, case.engine, case.truth)
     critique = criticise_recording(recording, rng)
     values, std = critique.fitted.values, critique.fitted.std
@@ -98,12 +98,12 @@ def compute(case: MechanismCase) -> dict[str, object]:
 
 
 def is_right(truth: str, verdict: str, named: str) -> bool:
-    """Whether verdict and names are right; see the module's docstring."""
+    """Return whether verdict and named effects are right, as defined in the module's docstring."""
     return is_exact(verdict, {NOTHING: [], OUTSIDE: [()]}.get(truth, [(truth,)]), groups_of(named))
 
 
 def read(store: Rows = ROWS) -> pd.DataFrame:
-    """The stored rows, and a column `right`; UserError if there are none, or other columns."""
+    """The stored rows with a column `right`; UserError if there are no rows or the columns are wrong."""
     rows = store.table()
     return rows.assign(right=[is_right(*row) for row in zip(rows["truth"], rows["verdict"], rows["named"])])
 
@@ -116,7 +116,7 @@ def told(row: dict) -> str:
 
 
 def as_markdown(rows: pd.DataFrame | None = None) -> str:
-    """Shares by mechanism and engine with 95 % intervals, by cause, all misses, and parameters in their interval."""
+    """Shares of right verdicts with 95 % intervals, counts by cause, all misses, and coverage of the parameters."""
     rows = read() if rows is None else rows
     shares, nothing = [], rows["truth"] == NOTHING
     for label, part in ((NOTHING, rows[nothing]), ("a cause", rows[~nothing])):

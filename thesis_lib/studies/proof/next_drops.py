@@ -1,34 +1,34 @@
-"""Is the next experiment that the critique proposes worth it?  Drops in the states proposed, against random ones.
+"""Test of the next experiment that the critique proposes: drops in the proposed states, compared with random drops.
 
-A question: `FIRST` random drops have a hidden cause, and two effects explain it, the one that describes it (A) and
-another (B), each by at least `EXPLAINS` nats beyond the law, and with log scores less than `TELLS` nats apart.  Further
-drops, random as the first ones or in the states that the critique proposes, are added one after the other.  The
-question is settled with n more when, both models refitted to all drops,
+A question consists of `FIRST` random drops with a hidden cause that two effects can explain: the effect that describes
+it (A) and another one (B).  Each gains at least `EXPLAINS` nats over the law, and their log scores differ by less than
+`TELLS` nats.  Further drops, either random like the first or in the states that the critique proposes, are added one
+after the other.  The question is settled by n further drops if, with both models refitted to all drops,
 
-    log score of A − log score of B ≥ TELLS,     and wrongly when it is ≤ −TELLS
+    log score of A − log score of B ≥ TELLS,     and settled wrongly if it is ≤ −TELLS
 
-The numbers n are those of `STEPS`, about √2 apart; drops that have not settled it with the last one, or settled it
-wrongly, count as that many.  Seeds below `SEEDS` were for tuning; the table has none of them.
+The numbers n are those of `STEPS`, about √2 apart.  If no number settles the question, or one settles it wrongly, the
+last number counts.  Seeds below `SEEDS` were for tuning and are not in the table.
 
-Drops are integrated in continuous time (source mechanism) and recorded as the published impacts are: one impact a
-drop, velocities before and after with noise.  Releases are those of chapter 3's rig.  Nobody sets a state exactly: a
-proposed one is met with `SCATTER`.
+Drops are integrated in continuous time (source mechanism) and recorded like the published impacts: one impact per
+drop, with noisy velocities before and after.  Releases are those of chapter 3's rig.  No launcher sets a state exactly:
+the released states scatter about the proposed ones (`SCATTER`).
 
 config/proof/next_experiment.csv has a row per question, in the order of the plan:
 
 | column                     | unit | meaning                                                                          |
 |----------------------------|------|----------------------------------------------------------------------------------|
 | cause, size, seed          |      | `Question`                                                                       |
-| effect, rival              |      | A and B; rival "" where 50 drops leave none, and the rest is then empty          |
-| apart                      | nats | log score of A less that of B, with the first drops                              |
-| sigmas                     | 1    | the largest difference that the proposal tells of, in standard deviations; empty |
+| effect, rival              |      | A and B; rival "" if 50 drops leave no question; the rest is then empty          |
+| apart                      | nats | log score of A minus that of B, with the first drops                             |
+| sigmas                     | 1    | the largest difference that the proposal predicts, in standard deviations; empty |
 |                            |      | if it proposes nothing                                                           |
-| random, chosen             | 1    | drops that settle it; empty if nothing is proposed                               |
+| random, chosen             | 1    | drops that settle the question; empty if nothing is proposed                     |
 | wrong_random, wrong_chosen |      | 1 if they settle it wrongly, else 0                                              |
 | code, made                 |      | as in `store`                                                                    |
 
-Causes whose two effects differ in no impact at all (a moving surface, a drifting camera) are left out: there
-the critique proposes no release, which `test_no_release_is_proposed_where_none_would_tell` holds.
+Causes whose two effects predict the same for every impact (a moving surface, a drifting camera) are left out: the
+critique proposes no release for them (tested by `test_no_release_is_proposed_where_none_would_tell`).
 """
 
 import math
@@ -63,18 +63,18 @@ QUESTIONS = 20
 FIRST = 50
 EXPLAINS, TELLS = 3.0, 3.0  # nats; TELLS is `tell_apart` of the critique's settings
 STEPS = (1, 2, 3, 4, 6, 8, 11, 16, 23, 32, 45, 64, 91, 128, 181, 256, 362)
-SIZES = (0.25, 0.35, 0.5)  # of the proof's sizes: with more, 50 drops leave no question
+SIZES = (0.25, 0.35, 0.5)  # factors on the sizes in the proof; with larger ones, 50 drops leave no question
 SCATTER = (0.05, 0.05, 0.5, 0.05, 0.005)  # m/s, m/s, rad/s, rad, m: one sigma of a launcher
 NOISE = Noise(position=3e-4, angle=3e-3, velocity=0.02, angular_velocity=0.5)
 RELEASE = Release()
 CONTACT = CompliantContact(contact_time=2e-5)
-HALF = 0.5  # chosen drops over random ones, at most
+HALF = 0.5  # largest ratio of chosen to random drops that counts as halved
 KEY = ("cause", "size", "seed")
 MEASURED = ("size", "apart", "sigmas", "random", "chosen")
 COLUMNS = (*KEY, "effect", "rival", *MEASURED[1:], "wrong_random", "wrong_chosen", *STAMP)
 LOWEST = 0.08  # m; no release below it
 GRAVITY = 9.81  # m/s²
-# what impacts show; not wear, which no choice of states tells, and which begins again with each simulated series
+# causes that impacts reveal; without wear, which depends on no state and starts anew in each simulated series
 ASKED = (
     *("tangential_compliance", "hunt_crossley", "stribeck", "friction_anisotropy", "rolling_lever"),
     *("adhesion_energy", "orientation_restitution", "corner_radius", "com_offset_x", "com_offset_y"),
@@ -92,7 +92,7 @@ class Question:
 
 
 class Launcher:
-    """Releases that meet given states before the first impact, in turn, with `SCATTER`."""
+    """Releases that lead to the given states just before the first impact, taken in turn, with random `SCATTER`."""
 
     def __init__(self, states: Sequence[Mapping[str, float]], body: Body) -> None:
         self.states = np.array([[state.get(name, np.nan) for name in PLACED] for state in states])
@@ -105,18 +105,18 @@ class Launcher:
         vx, vy, omega, theta, x = wanted.T
         fall = -vy / GRAVITY
         height = 0.5 * GRAVITY * fall**2 - self.body.shape.contact_point(theta)[:, 1]
-        start = np.where(np.isnan(x), 0.0, x - vx * fall)  # as the random ones, unless the place is asked for
+        start = np.where(np.isnan(x), 0.0, x - vx * fall)  # x = 0 like random releases, unless a place is proposed
         pose = np.stack([start, np.maximum(height, LOWEST), theta - omega * fall], axis=1)
         return pose, np.stack([vx, np.zeros(n), omega], axis=1)
 
 
 def plan() -> list[Question]:
-    """All questions in their order, for ever further seeds; kinds of causes are mixed."""
+    """All questions in the order in which they are asked, by increasing seed; kinds of causes are mixed."""
     return [Question(cause, size, seed) for seed in range(SEEDS, SEEDS + 20) for size in SIZES for cause in ASKED]
 
 
 def ask(question: Question) -> dict[str, object]:
-    """Make the drops, look whether they leave a question, and count the drops that settle it: a row of the table."""
+    """Simulate the drops, and if they leave a question, count the drops that settle it; return a row of the table."""
     cause = CAUSES[question.cause]
     body = SQUARE if question.cause in CORNERED else ELLIPSE_BODY
     hidden = HiddenCauses.model_validate({question.cause: question.size * cause.size})
@@ -145,7 +145,7 @@ def ask(question: Question) -> dict[str, object]:
 
 
 def _drops(body: Body, release: Release | Launcher, n: int, hidden: HiddenCauses, rng: np.random.Generator) -> Dataset:
-    """The first impacts of n drops, as they are measured."""
+    """The first impacts of n simulated drops, with measurement noise."""
     drops_rng, noise_rng = rng.spawn(2)
     made = simulate_compliant_drops(
         body,
@@ -166,7 +166,7 @@ def _drops(body: Body, release: Release | Launcher, n: int, hidden: HiddenCauses
 
 
 def _rival(critique: DropsCritique, true: str, describes: Sequence[str]) -> tuple[str, float] | None:
-    """The effect that comes nearest to the true one, and by how many nats it falls short; None if that is told."""
+    """The wrong effect with the best log score, and its deficit to the true one in nats; None without a question."""
     final = critique.ladder[-1][1]
     law = replace(final.model, effects=())
     observations = critique.observations
@@ -186,7 +186,7 @@ def _rival(critique: DropsCritique, true: str, describes: Sequence[str]) -> tupl
 
 
 def _settled(first: Dataset, more: Dataset, models: Sequence[Model], start: Fit) -> tuple[float, bool]:
-    """How many more drops settle the question; and False if they settle it for the second model."""
+    """Number of further drops that settle the question, and False if they decide for the second (wrong) model."""
     assert first.impacts is not None and more.impacts is not None
     later = more.impacts.assign(trial=more.impacts["trial"] + FIRST)
     all_of = observe(Dataset("drops", first.header, None, pd.concat([first.impacts, later], ignore_index=True)))
@@ -201,14 +201,14 @@ def _settled(first: Dataset, more: Dataset, models: Sequence[Model], start: Fit)
 
 
 def _apart(observations: Observations, models: Sequence[Model], values: Sequence[Mapping]) -> tuple[list, float]:
-    """Values of both models, fitted from those given, and the difference of their log scores in nats."""
+    """Fitted values of both models, started from `values`, and the difference of their log scores in nats."""
     own = [{k: v for k, v in start.items() if k in model.parameters} for model, start in zip(models, values)]
     one, other = (fit(model, observations, start) for model, start in zip(models, own))
     return [one.values, other.values], one.score - other.score
 
 
 def run(wanted: int, tell: Callable[[str], object], store: Path = STORE) -> None:
-    """Ask in the order of the plan until `wanted` questions are open; stored answers are kept, new ones stored."""
+    """Ask questions in the order of the plan until `wanted` are open; stored answers count, new ones are stored."""
     answers = read_answers(store)
     known, n_open = {Question(*key) for key in answers[list(KEY)].itertuples(index=False)}, int(answers["open"].sum())
     for question in plan():
@@ -233,7 +233,7 @@ def table_of(store: Path = STORE) -> Rows:
 
 
 def read_answers(store: Path = STORE) -> pd.DataFrame:
-    """The stored answers, in order, and whether each is `open`: 50 drops leave it, and a release would tell.
+    """The stored answers in order; a question is `open` if 50 drops do not answer it and a release is proposed.
 
     CorruptFileError if a row is unreadable.
     """
@@ -243,14 +243,14 @@ def read_answers(store: Path = STORE) -> pd.DataFrame:
 
 def _answer(cells: dict[str, str]) -> dict[str, object]:
     if cells["cause"] not in CAUSES or not {cells["effect"], cells["rival"]} <= {*EFFECTS, ""}:
-        raise ValueError(f"{cells['cause']}, {cells['effect']}, {cells['rival']}: no answer")
+        raise ValueError(f"{cells['cause']}, {cells['effect']}, {cells['rival']}: unknown cause or effect")
     numbers = {name: value_of(cells[name]) for name in MEASURED}
     counts = {name: int(cells[name]) for name in ("seed", "wrong_random", "wrong_chosen")}
     return {**cells, **numbers, **counts, "open": bool(cells["rival"]) and not math.isnan(numbers["chosen"])}
 
 
 def as_markdown(answers: pd.DataFrame | None = None) -> str:
-    """Text on the stored questions, with a table of the open ones; ValueError if none is open."""
+    """Summary of the stored questions, with a table of the open ones; ValueError if none is open."""
     answers = read_answers() if answers is None else answers
     opened = answers[answers["open"]]
     if not len(opened):
@@ -261,12 +261,12 @@ def as_markdown(answers: pd.DataFrame | None = None) -> str:
     random, chosen = (opened[way].sum() for way in ("random", "chosen"))
     wrong = [answers[f"wrong_{way}"].sum() for way in ("random", "chosen")]
     words = (
-        f"Of {len(answers)} datasets of {FIRST} random drops {n} leave two effects that they cannot tell. "
+        f"Of {len(answers)} datasets of {FIRST} random drops, {n} cannot distinguish two effects. "
         f"{halved} of these {n} questions ({100 * halved / n:.0f} %, 95 %: {100 * low:.0f} to "
         f"{100 * high:.0f} %) are settled with at most half as many chosen drops as random ones. The median question "
-        f"takes {ratio.median():.2g} times as many; all together take {chosen:.0f} instead of {random:.0f}, where one "
-        f"that is settled wrongly (random: {wrong[0]}, chosen: {wrong[1]}) counts as {STEPS[-1]}. Chosen drops take "
-        f"more than random ones in {(opened['chosen'] > opened['random']).sum()}."
+        f"takes {ratio.median():.2g} times as many; all together take {chosen:.0f} instead of {random:.0f}, where a "
+        f"question settled wrongly (random: {wrong[0]}, chosen: {wrong[1]}) counts as {STEPS[-1]}. More chosen than "
+        f"random drops are needed in {(opened['chosen'] > opened['random']).sum()}."
     )
     head = ("hidden", "of its size in the proof", "seed", "which effect?", "apart, nats")
     lines = []

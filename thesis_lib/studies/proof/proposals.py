@@ -1,17 +1,16 @@
-"""The proof of proposals: drops with a law that no effect names, and drops with nothing hidden.
+"""The proof of proposals: drops with a hidden law that no effect describes, and drops with nothing hidden.
 
-A dataset is 150 drops of the ellipse with contacts of 1 ms, integrated under forces
-(`thesis_lib/simulate/compliant/hidden_laws.py`), which knows no impact law and no term.  It goes through the critique,
-and where the verdict is `unexplained`, through the search for a term.  Where nothing is hidden, a term is looked for
-whatever the verdict.  Asked:
+A dataset is 150 drops of the ellipse with contacts of 1 ms, integrated under forces without any impact law or proposed
+term (`thesis_lib/simulate/compliant/hidden_laws.py`).  It is analysed by the critique and, if the verdict is
+`unexplained`, by the search for a term.  If nothing is hidden, a term is searched for with any verdict.  The questions:
 
     variable   the first term acts on the same quantity, by variables of the same kind
     sign       and in the same direction, on random contacts of the ellipse
-    form       and it is the very term that was hidden
+    form       and it is exactly the hidden term
     enough     the held-out error is at most `ENOUGH` times the noise floor
-    best       and at most `NEAR` times that of the energetic law with the hidden term itself, put in by hand
-    typical    and the median held-out error at most `ENOUGH` times that of noise: the mean follows few slow impacts
-    none       where nothing is hidden, nothing is proposed
+    best       it is at most `NEAR` times the error of the energetic law with the hidden term itself, added by hand
+    typical    the median held-out error is at most `ENOUGH` times that of noise (few slow impacts dominate the mean)
+    none       with nothing hidden, no term is proposed
 
 config/proof/proposals.csv holds a row per dataset:
 
@@ -20,7 +19,7 @@ config/proof/proposals.csv holds a row per dataset:
 | truth, seed               |      | the dataset                                                           |
 | verdict, named            |      | of the critique; effects joined by +                                  |
 | proposed, law             |      | terms joined by +, "" if none; the law with them                      |
-| alternatives              |      | terms that say the same as the first, joined by +                     |
+| alternatives              |      | terms indistinguishable from the first, joined by +                   |
 | a, a_std                  | 1    | of the first term                                                     |
 | before, after, floor      | m/s  | held-out error of the critique's model, with the proposal; noise      |
 | attainable                | m/s  | held-out error of the energetic law with the hidden term itself       |
@@ -52,17 +51,17 @@ from thesis_lib.simulate.rig.hidden_causes import ELLIPSE_BODY, PROOF_RELEASE, R
 from thesis_lib.statistics.wording import count
 from thesis_lib.studies.proof.store import NOTHING, stored, with_effects
 
-SEEDS = 1000  # the table's begin here; those below served to choose sizes and terms
+SEEDS = 1000  # first seed of the table; seeds below served to choose sizes and terms
 DROPS = 150
 MU, EPSILON, CONTACT_TIME = 0.15, 0.55, 1e-3
 ENOUGH, NEAR = 1.5, 1.1
-CONTACTS = 2000  # random ones, for the sign of a term of another form
+CONTACTS = 2000  # random contacts on which the signs of two terms are compared
 FOUND = (
     *("verdict", "named", "proposed", "law", "alternatives"),
     *("a", "a_std", "before", "after", "floor", "attainable", "excess", "seconds"),
 )
 ROWS = stored("proposals", ("truth", "seed"), FOUND, "proposals run", digits=4)
-# the term that says what each hidden law says, or of the same variable
+# the term that equals each hidden law, or acts on the same variable
 OWN = {
     "restitution_by_obliquity": "restitution_by_obliquity",
     "restitution_by_spin": "restitution_by_spin",
@@ -75,7 +74,7 @@ OWN = {
     "restitution_by_threshold": "restitution_by_obliquity",
     "friction_by_root_of_spin": "friction_by_spin",
 }
-FORMLESS = ("restitution_by_threshold", "friction_by_root_of_spin")  # no term says them, these only come near
+FORMLESS = ("restitution_by_threshold", "friction_by_root_of_spin")  # no term equals them; their terms approximate
 
 
 @dataclass(frozen=True)
@@ -87,7 +86,7 @@ class ProposalCase:
 
 
 def cases(seeds: int = 3, nothing: int = 20, first: int = SEEDS) -> list[ProposalCase]:
-    """`seeds` of each hidden law, mixed with `nothing` sets without one: a part of the list is like the whole."""
+    """`seeds` datasets of each hidden law, mixed evenly with `nothing` datasets in which no law is hidden."""
     hidden = [ProposalCase(truth, first + i) for i in range(seeds) for truth in HIDDEN_LAWS]
     plain = [ProposalCase(NOTHING, first + i) for i in range(nothing)]
     total = len(hidden) + len(plain)
@@ -98,7 +97,7 @@ def cases(seeds: int = 3, nothing: int = 20, first: int = SEEDS) -> list[Proposa
 
 
 def make(case: ProposalCase, drops: int = DROPS) -> Dataset:
-    """The drops of a case, as a rig records them."""
+    """Simulate the drops of a case as a rig would record them."""
     made = simulate_compliant_drops(
         ELLIPSE_BODY,
         PROOF_RELEASE,
@@ -112,7 +111,7 @@ def make(case: ProposalCase, drops: int = DROPS) -> Dataset:
 
 
 def compute(case: ProposalCase, drops: int = DROPS) -> dict[str, object]:
-    """Criticise, propose, and sum up: a row of the table."""
+    """Criticise the dataset of a case and search for terms; return a row of the table."""
     judged = criticise_drops(make(case, drops), rng=generator(case.seed, "proposal proof critique", case.truth))
     row: dict[str, object] = {**dict.fromkeys(FOUND, ""), **vars(case)}
     row |= {"verdict": judged.verdict, "named": with_effects(judged)}
@@ -138,9 +137,9 @@ def compute(case: ProposalCase, drops: int = DROPS) -> dict[str, object]:
 
 
 def attainable(judged: DropsCritique, truth: str) -> float:
-    """Held-out error in m/s of the energetic law with the hidden term: what no choice of a term could much improve on.
+    """Held-out error in m/s of the energetic law with the hidden term, on which hardly any other term could improve.
 
-    Few slow impacts, at which a recording says least of the velocities, dominate it.
+    Few slow impacts, whose velocities are measured least precisely, dominate it.
     """
 
     hidden = next(term for term in all_terms() if term.name == OWN[truth])
@@ -159,7 +158,7 @@ def told(row: Mapping[str, Any]) -> str:
 
 
 def right(row: Mapping[Any, Any]) -> dict[str, bool]:
-    """Requirements on a row with a hidden law, and whether it meets them."""
+    """Answers to the questions of the module's docstring for a row with a hidden law."""
     terms = {term.name: term for term in all_terms()}
     hidden, first = terms[OWN[row["truth"]]], terms.get(str(row["proposed"]).partition("+")[0])
     after = row["after"] if first else row["before"]
@@ -178,7 +177,7 @@ def right(row: Mapping[Any, Any]) -> dict[str, bool]:
 
 
 def phi_of(term: Term) -> np.ndarray:
-    """φ of a term on random contacts (n,) of the proof's ellipse."""
+    """Values (n,) of a term's φ on random contacts of the proof's ellipse."""
     rng = np.random.default_rng(0)
     theta, omega = rng.uniform(-np.pi, np.pi, CONTACTS), rng.uniform(-15.0, 15.0, CONTACTS)
     r_x, r_y = ELLIPSE_BODY.shape.contact_point(theta).T
@@ -189,9 +188,9 @@ def phi_of(term: Term) -> np.ndarray:
 
 
 def as_markdown(store: Rows = ROWS) -> str:
-    """Counts by hidden law as a table of a page, their sums with 95 % intervals, and sets with nothing hidden.
+    """Counts by hidden law as a Markdown table, totals with 95 % intervals, and the result with nothing hidden.
 
-    UserError without rows.
+    UserError if no rows are stored.
     """
     rows = store.table()
     asked = ("proposed", "variable", "sign", "form", "enough", "best", "typical")
@@ -209,5 +208,5 @@ def as_markdown(store: Rows = ROWS) -> str:
     text = table(head, lines)
     if len(plain):
         none = count((plain["proposed"] == "").sum(), len(plain))
-        text += f"\n\nWith nothing hidden no term is proposed in {none} sets."
+        text += f"\n\nWith nothing hidden, no term is proposed in {none} datasets."
     return text

@@ -2,20 +2,20 @@
 
 The verdict on a dataset is right (`is_right`) if it is exact:
 
-- nothing was hidden, and it is `adequate`;
-- the cause is outside the library, and it is `unexplained`;
-- one effect was hidden, and it is `effects` with one group, which contains it;
-- two effects were hidden (truth "a+b"), and it is `effects` with two groups, one for each.
+- nothing was hidden, and the verdict is `adequate`;
+- the cause is outside the library, and the verdict is `unexplained`;
+- one effect was hidden, and the verdict is `effects` with one group, which contains that effect;
+- two effects were hidden (truth "a+b"), and the verdict is `effects` with two groups, one for each effect.
 
 A refusal is wrong, and so is a group of more than `LARGEST_GROUP` effects.  Effects that the contact of the source has
-by itself (`Case.by_itself`) are left out first, and `effects` without any other is `adequate`.
+by itself (`Case.by_itself`) are removed first; `effects` with nothing else then counts as `adequate`.
 
-A name is wrong (`wrong_names`) if its group contains no effect that was hidden.
+A named group is wrong (`wrong_names`) if it contains none of the hidden effects.
 
-The misfit over its floor is the largest in the channels of the hidden effect: the error of impacts over the noise
+The misfit over its floor is the largest over the channels of the hidden effect: the error of impacts over the noise
 floor, and the misfits of flights and gaps in units of noise, with floor 1.  (The covariance of gaps is conservative:
-without hidden effects their misfit is below 1.)  If no effect is known, impacts alone count.  The misfit of poses
-("meet") is not stored.
+without hidden effects their misfit is below 1.)  If no effect is known, only impacts count.  The misfit of continuity
+of the pose ("meet") is not stored.
 
 | on paper           | in code                                 | unit | a row of    |                                |
 |--------------------|-----------------------------------------|------|-------------|--------------------------------|
@@ -44,7 +44,7 @@ OUTCOMES = (
     *("error_before", "error_after", "floor", "before_over_floor", "after_over_floor", "why"),
 )
 RECOVERED = (*CELL, "seed", "effect", "parameter", "true", "found", "std", "z", "inside", "width")
-TABLE = {"ratio": RATIO, "drops": 150, "noise": 1.0}  # of the summary; other sizes show the curve
+TABLE = {"ratio": RATIO, "drops": 150, "noise": 1.0}  # datasets of the summary; others are for the detection curves
 MISFITS = ("error_before", "error_after", "floor", "before_over_floor", "after_over_floor")
 CONFUSION = (
     *CELL,
@@ -56,13 +56,13 @@ MISSES = ("source", "truth", "seed", "shape", "contact_time", "kind", "verdict",
 
 
 def is_right(case: Case, verdict: str, groups: Sequence[Sequence[str]]) -> bool:
-    """Whether the verdict is exact, as the module's docstring defines it."""
+    """Return whether the verdict is exact, as defined in the module's docstring."""
     verdict, groups = _without_own(case, verdict, groups)
     return is_exact(verdict, case.expected, groups)
 
 
 def wrong_names(case: Case, verdict: str, groups: Sequence[Sequence[str]]) -> int:
-    """How many of the named groups contain no effect that was hidden."""
+    """Return the number of named groups that contain none of the hidden effects."""
     hidden = {name for names in case.expected for name in names}
     return sum(not hidden & set(group) for group in _without_own(case, verdict, groups)[1])
 
@@ -77,16 +77,16 @@ def _without_own(case: Case, verdict: str, groups: Sequence[Sequence[str]]) -> t
 def outcomes(store: Path = STORE) -> pd.DataFrame:
     """A row per stored dataset, columns `OUTCOMES`, sorted; missing group_size and misfits are NaN.
 
-    `effect` describes a single truth best, "" if none does.  `named` joins effects of a group by "/" and groups by " +
-    ".  `group_size` is the mean over groups.  CorruptFileError, here and in what
-    uses it, if a stored result cannot be read.
+    `effect` is the effect that describes a single truth best, "" if there is none.  `named` joins effects of a group by
+    "/" and groups by " + ".  `group_size` is the mean over groups.  This function and its callers raise
+    CorruptFileError if a stored result cannot be read.
     """
     rows = [_outcome(case, row) for source in SOURCES for case, row in read_rows(source, store).items()]
     return _sorted(pd.DataFrame(rows, columns=list(OUTCOMES)), ["source", "kind", *CELL[1:], "seed"])
 
 
 def recovered(store: Path = STORE) -> pd.DataFrame:
-    """A row per parameter with a true value in a model with the hidden effect; columns `RECOVERED`."""
+    """A row per parameter that has a true value, in models that contain the hidden effect; columns `RECOVERED`."""
     rows = [
         _cell(case) | {"effect": case.truth, "parameter": name} | _deviation(*values)
         for source in SOURCES
@@ -149,7 +149,7 @@ def usual(table: pd.DataFrame) -> pd.DataFrame:
 
 
 def of_table(table: pd.DataFrame, **changes: float) -> pd.DataFrame:
-    """Rows at the size, drops and noise of `TABLE`, or of `changes`."""
+    """Rows with the ratio, number of drops and noise of `TABLE`, where `changes` do not replace them."""
     keep = np.ones(len(table), bool)
     for key, value in (TABLE | changes).items():
         keep &= (table[key] == value).to_numpy()
@@ -157,7 +157,7 @@ def of_table(table: pd.DataFrame, **changes: float) -> pd.DataFrame:
 
 
 def confusion(store: Path = STORE) -> pd.DataFrame:
-    """A row per cell of datasets: shares with Wilson's intervals, medians of misfits, |z| and widths."""
+    """A row per cell of equal datasets: shares with Wilson's intervals, medians of misfits, |z| and widths."""
     datasets, parameters = outcomes(store), recovered(store)
     by_cell = dict(list(parameters.groupby(list(CELL)))) if len(parameters) else {}
     rows = []
@@ -175,7 +175,7 @@ def confusion(store: Path = STORE) -> pd.DataFrame:
 
 
 def _counts(values: pd.Series, order: Sequence[str] | None = None) -> str:
-    """Counts as "a:3;b:1", the most frequent first, or in `order`."""
+    """Counts as text, "a:3;b:1", the most frequent first, or in `order`."""
     counts = values.value_counts()
     names = sorted(counts.index, key=lambda name: (-counts[name], name))
     names = [name for name in order if name in counts.index] if order else names

@@ -1,8 +1,8 @@
-"""Sizes of what the proof hides: those at which the base law's misfit is 3 times the noise floor.
+"""Sizes of hidden effects and causes at which the base law's misfit is 3 times the noise floor.
 
-Of laws, factors in config/proof_sizes.json multiply the scales of an effect's parameters; of causes it holds, by source
-and shape, those that `find_size` found (other sources and causes have the sizes in `hidden_causes`).  They were found
-on a development seed before the first run.  `python -m thesis_lib.studies.proof size NAME` finds one again.
+For the source "law", factors in config/proof_sizes.json multiply the scales of an effect's parameters.  For causes, the
+file holds the sizes found by `find_size`, by source and shape (others have the sizes in `hidden_causes`).  They were
+found on a development seed before the first run; `python -m thesis_lib.studies.proof size NAME` finds one again.
 """
 
 import functools
@@ -18,20 +18,20 @@ from thesis_lib.foundation.files import write_text
 from thesis_lib.studies.proof.store import CONFIG
 
 SIZES = CONFIG / "proof_sizes.json"
-# with less friction hardly any contact sticks, and some effects do not show
+# with less friction hardly any contact sticks, and some effects cannot be observed
 MU, EPSILON = 0.3, 0.55
 LAW = "wang_mason"  # an exact path-wise law
-# effects of what changes linearly along the table by their slope times this, relative to the value at one place
+# effects of properties that vary linearly along the table; factor of their parameter in the relative slope
 SLOPES = {"position_dependent_restitution": 1.0, "position_dependent_friction": 1.0}
 SLOPES |= {"position_dependent_contact_time": -2.0}
 
 
 def require_checkout() -> None:
-    """UserError if the package was installed without its checkout, so that there is no config/."""
+    """Raise UserError if the package was installed without its checkout, and config/ is therefore missing."""
     if not SIZES.is_file():
         raise UserError(
-            "The proof needs a checkout of the project, whose config/ holds the sizes of what is hidden and the stored "
-            f"results; {CONFIG} does not exist, so run it in a clone."
+            "The proof needs a checkout of the project, whose config/ holds the sizes of hidden causes and the stored "
+            f"results; {CONFIG} does not exist. Run the proof in a clone of the repository."
         )
 
 
@@ -45,7 +45,7 @@ def stored_factor(name: str, default: float | None = None) -> float:
     """Factor on the scales of an effect in config/proof_sizes.json; `default`, or UserError, if none is stored."""
     factor = _stored_sizes()["law"].get(name, default)
     if factor is None:
-        raise UserError(f"config/proof_sizes.json has no size of {name}; `size {name}` finds one.")
+        raise UserError(f"config/proof_sizes.json has no size of {name}; the command `size {name}` finds one.")
     return factor
 
 
@@ -55,7 +55,7 @@ def cause_size(source: str, shape: str, name: str, default: float) -> float:
 
 
 def store_cause_size(source: str, shape: str, name: str, size: float) -> None:
-    """Put the size of a hidden cause, in its unit, into config/proof_sizes.json."""
+    """Store the size of a hidden cause, in its unit, in config/proof_sizes.json."""
     stored = json.loads(SIZES.read_text(encoding="utf-8"))  # another run may have added to it
     of_shape = stored.setdefault(source, {}).setdefault(shape, {})
     stored[source][shape] = dict(sorted({**of_shape, name: size}.items()))
@@ -71,11 +71,11 @@ def law_size(name: str, factor: float) -> dict[str, float]:
 
 
 def as_fitted(effects: Sequence[Effect], hidden: Mapping[str, float], rig: Rig) -> dict[str, float]:
-    """The hidden sizes in the numbers of the fitted effects.
+    """The hidden sizes, converted to the conventions of the fitted effects.
 
-    A rotation that nothing shows is not fitted (`Effect.unseen`).  A property that depends on the place is what it is
-    at the point of the table, where it is hidden, and at the reference of the rig, where it is fitted: a slope s is
-    s / (1 + s·x_0) there, with s = −2 g_τ of the stiffness behind a contact time.
+    A rotation that the data cannot determine is not fitted (`Effect.unseen`).  A property that varies along the table
+    is hidden relative to its value at the table's point, but fitted relative to its value at the reference of the rig:
+    a slope s becomes s / (1 + s·x_0), with s = −2 g_τ for the stiffness behind a contact time.
     """
     true = dict(hidden)
     for effect in effects:

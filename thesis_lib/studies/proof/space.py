@@ -1,14 +1,14 @@
-"""The proofs in space: what the critique says of sets of tosses that are drawn from one seed.
+"""The proofs in space: results of the critique for sets of tosses whose rig is drawn at random from a seed.
 
-The first proof has two worlds and one cause at most (config/proof/space.csv), the second three worlds, pairs of causes
-and causes that the library has no effect for (config/proof/worlds.csv).
+The first proof has two worlds (simulators) and at most one cause (config/proof/space.csv); the second has three worlds,
+pairs of causes, and causes for which the library has no effect (config/proof/worlds.csv).
 
 | column                   | unit | meaning                                                                 |
 |--------------------------|------|-------------------------------------------------------------------------|
 | world, truth, seed       |      | the dataset (`SpaceCase`)                                               |
 | shape                    |      | of its body                                                             |
 | verdict, law, named      |      | adequate, effects, unexplained, refused or none; base law; groups       |
-| n_impacts                | 1    | hits that are used                                                      |
+| n_impacts                | 1    | number of hits that are used                                            |
 | base, augmented, floor   | m/s  | held-out error of the hits before and after, and its noise floor        |
 | remaining_p              | 1    | p-value of the remaining structure                                      |
 | sizes                    |      | by parameter of a hidden effect that is named: true, found, its         |
@@ -17,33 +17,33 @@ and causes that the library has no effect for (config/proof/worlds.csv).
 | why                      |      | reason of a refusal                                                     |
 | code, made               |      | as in `store`                                                           |
 
-What is drawn for each set stands in config/proof_in_space.csv and config/proof_in_worlds.csv, stored before any was
-computed; a test holds them to what the seeds draw (`simulate.tosses.drawn`, `drawn_in_worlds`).
+config/proof_in_space.csv and config/proof_in_worlds.csv list the random draws for each set; they were stored before any
+set was computed, and a test compares them with the seeds' draws (`simulate.tosses.drawn`, `drawn_in_worlds`).
 
-Of each set of one cause that is not right, a second table (…_missed.csv) says what its data hold of the cause: what it
-gains when it is switched on by hand instead of the search.
+For each set of one cause whose verdict is not right, a second table (…_missed.csv) shows how much evidence the data
+contain for the cause: its gain when it is switched on by hand instead of a search.
 
 | column                   | unit | meaning                                                                 |
 |--------------------------|------|-------------------------------------------------------------------------|
 | world, truth, seed       |      | the dataset                                                             |
-| gain, low, high          | nats | held-out gain of an impact, with 95 % interval                          |
-| without, with_it, floor  | m/s  | held-out error of the hits, and noise floor                             |
-| why                      |      | reason why the data cannot test it                                      |
+| gain, low, high          | nats | held-out gain per impact, with 95 % interval                            |
+| without, with_it, floor  | m/s  | held-out error of the hits without and with the cause, and noise floor  |
+| why                      |      | reason why the data cannot test the cause                               |
 
-Ten planar sets of the proof, lifted into space (`simulate.tosses.lifted`), stand in config/proof/lifted.csv.  They were
-chosen before any but the first two was computed: causes with one size, that both worlds have.
+config/proof/lifted.csv holds ten planar sets of the proof, lifted into space (`simulate.tosses.lifted`).  They were
+chosen when only the first two had been computed: causes with a single size that exist both in the plane and in space.
 
 | column                | unit | meaning                                                                    |
 |-----------------------|------|----------------------------------------------------------------------------|
 | truth, shape, seed    |      | the planar set, of the source mechanism (`cases.Case`)                     |
 | plane, space          |      | verdicts                                                                   |
-| in_plane, in_space    |      | groups of effects that are named                                           |
-| sizes                 |      | of what both models have, by the name in space: plane, its standard error, |
-|                       |      | space, its standard error                                                  |
-| apart                 | 1    | largest difference of these, over the plane's standard error               |
+| in_plane, in_space    |      | groups of named effects                                                    |
+| sizes                 |      | of the parameters that both models have, by the name in space: value in    |
+|                       |      | the plane, its standard error, value in space, its standard error          |
+| apart                 | 1    | largest difference of these values, over the plane's standard error        |
 
-Right is, with nothing hidden, `adequate`; with a cause from outside the library `unexplained`; with one or two causes
-`effects` with a group for each, of at most three, that contains it.  A wrong name is a group without what is hidden.
+The right verdict is `adequate` with nothing hidden, `unexplained` with a cause outside the library, and `effects` with
+one or two causes, each in a named group of its own (at most three effects).  A group without a hidden cause is wrong.
 """
 
 import time
@@ -107,7 +107,7 @@ LIFTED_ROWS = stored("lifted", ("truth", "shape", "seed"), OF_BOTH, "lifted", di
 
 @dataclass(frozen=True)
 class SpaceProof:
-    """Datasets, and the tables of what was drawn for them, what was found of them, and of those that are not right."""
+    """Datasets of a proof, and the tables of their random draws, of their results, and of the evidence in misses."""
 
     sets: Callable[[], Sequence[SpaceCase]]
     drawn: Rows
@@ -116,7 +116,7 @@ class SpaceProof:
 
 
 def _proof(name: str, sets: Callable[[], Sequence[SpaceCase]], drawn: Sequence[str], option: str = "") -> SpaceProof:
-    """The proof with its tables in config/."""
+    """A proof with its tables in config/."""
     return SpaceProof(
         sets,
         Rows(CONFIG / f"proof_in_{name}.csv", (*KEY, *drawn), KEY, f"{COMMAND} space-list{option}"),
@@ -130,14 +130,14 @@ IN_WORLDS = _proof("worlds", worlds_cases, DRAWN_IN_WORLDS, " --worlds")
 
 
 def write_list(proof: SpaceProof) -> None:
-    """Write what is drawn for each set."""
+    """Write the table of the random draws for each set."""
     for case in proof.sets():
         hidden = numbers_in({name: (value,) for name, value in case.hidden.items()})
         proof.drawn.put({**vars(case), **case.drawn, "hidden": hidden})
 
 
 def engine_of(case: SpaceCase) -> TossEngine:
-    """Simulator that moves the bodies of a case."""
+    """The simulator that moves the bodies of a case."""
     drawn = case.drawn
     if case.world == "mujoco":
         return MujocoTosses(drawn["cone"], drawn["impratio"], (drawn["impedance"], drawn["impedance"]))
@@ -145,7 +145,7 @@ def engine_of(case: SpaceCase) -> TossEngine:
 
 
 def compute(case: SpaceCase) -> dict[str, object]:
-    """Make the dataset of a case, and criticise it: a row of the table."""
+    """Simulate the dataset of a case and criticise it; return a row of the table."""
     dataset = make(case, engine_of(case))
     row: dict[str, object] = {**dict.fromkeys(FOUND, ""), **vars(case), "shape": case.drawn["shape"]}
     began = time.process_time()
@@ -159,25 +159,25 @@ def compute(case: SpaceCase) -> dict[str, object]:
 def _sizes(critique: DropsCritique, hidden: Mapping[str, float]) -> dict[str, tuple[float, float, float]]:
     fitted = critique.discovery.fitted
     true = as_fitted(fitted.effects, hidden, critique.observations.rig)
-    # a hidden 0 is a place, which effects count from a reference of their own
+    # a hidden 0 is a coordinate, which effects measure from a reference of their own
     both = [name for name, size in hidden.items() if size and fitted.std.get(name, 0.0) > 0.0]
     return {name: (true[name], fitted.values[name], fitted.std[name]) for name in both}
 
 
 def chosen(proof: SpaceProof, only: Collection[str]) -> list[SpaceCase]:
-    """The datasets of a proof, `only` of these worlds, truths or shapes, if any are given."""
+    """The datasets of a proof; if `only` names worlds, truths or shapes, only datasets with one of them."""
     return [c for c in proof.sets() if not only or {c.world, c.truth, c.drawn["shape"]} & set(only)]
 
 
 def kind_of(truth: str) -> str:
-    """Of `KINDS`: what is hidden."""
+    """The kind of a truth: "nothing", "one", "pair" or "outside" (see `KINDS`)."""
     if truth == NOTHING or truth in OUTSIDE:
         return NOTHING if truth == NOTHING else "outside"
     return "pair" if "+" in truth else "one"
 
 
 def judged(rows: pd.DataFrame) -> pd.DataFrame:
-    """The rows with `kind`, `right`, `first` (a cause is in the first group) and `wrong` (a group without one)."""
+    """The rows with `kind`, `right`, `first` (the first group contains a cause) and `wrong` (a group contains none)."""
     kinds, made = [kind_of(truth) for truth in rows["truth"]], []
     for truth, kind, verdict, cell in zip(rows["truth"], kinds, rows["verdict"], rows["named"]):
         hidden, groups = truth.split("+") if kind in ("one", "pair") else [], groups_of(cell)
@@ -189,7 +189,7 @@ def judged(rows: pd.DataFrame) -> pd.DataFrame:
 
 
 def compute_missed(case: SpaceCase) -> dict[str, object]:
-    """Evidence for its cause in the data of a case: a row of the table of those that are not right."""
+    """Evaluate the evidence for the hidden cause in the data of a case; return a row of the table of misses."""
     dataset = make(case, engine_of(case))
     row: dict[str, object] = {**dict.fromkeys(MISSED, ""), **vars(case)}
     found, critique = criticised(dataset, case.seed, effects=[case.truth])
@@ -210,7 +210,7 @@ def told_missed(row: dict) -> str:
 
 
 def not_right(proof: SpaceProof) -> list[SpaceCase]:
-    """The stored datasets of one cause that are not right; UserError if none is stored."""
+    """The stored datasets of one cause whose verdict is not right; UserError if no rows are stored."""
     rows = judged(proof.rows.table())
     wrong = rows[~rows["right"].astype(bool) & (rows["kind"] == "one")]
     keys = set(wrong[list(KEY)].itertuples(index=False, name=None))
@@ -218,7 +218,7 @@ def not_right(proof: SpaceProof) -> list[SpaceCase]:
 
 
 def as_markdown(proof: SpaceProof) -> str:
-    """The figures by world, the share of sizes in their interval, each miss by name, and which code made the rows."""
+    """The shares by world, the coverage of the sizes, a list of all misses, and the code that made the rows."""
     planned = proof.sets()
     try:
         rows = judged(proof.rows.table())
@@ -247,7 +247,7 @@ def as_markdown(proof: SpaceProof) -> str:
 
 
 def _covered(rows: pd.DataFrame) -> str:
-    """How many sizes of causes that are named lie in their 95 % interval."""
+    """Number of sizes of named causes that lie in their 95 % interval, as a sentence."""
     of = rows[rows["right"].astype(bool)]["sizes"].astype(str)
     found = [values for cell in of for values in numbers_of(cell).values()]
     inside = [abs(size - true) <= Z95 * std for true, size, std in found]
@@ -256,7 +256,7 @@ def _covered(rows: pd.DataFrame) -> str:
 
 @dataclass(frozen=True)
 class Lifted:
-    """A planar set and its seed."""
+    """A planar set of the proof that is lifted into space."""
 
     truth: str
     shape: str
@@ -264,7 +264,7 @@ class Lifted:
 
 
 def compute_lifted(case: Lifted) -> dict[str, object]:
-    """Criticise a set in the plane and in space: a row of the table."""
+    """Criticise a set in the plane and in space; return a row of the table."""
     planar, _ = make_in_plane(Case("mechanism", case.truth, case.seed, shape=case.shape))
     made = lifted(planar, generator(case.seed, "lifted", case.truth))
     found = [criticise_drops(data, rng=generator(case.seed, "critique", data.digest())) for data in (planar, made)]
@@ -280,9 +280,9 @@ def compute_lifted(case: Lifted) -> dict[str, object]:
 
 
 def shared(plane: DropsCritique, space: DropsCritique) -> dict[str, tuple[float, float, float, float]]:
-    """Plane, its standard error, space and its standard error of what the law and the effects of both have.
+    """Value in the plane, its standard error, value in space and its standard error of each parameter of both models.
 
-    Not of the contact time, which is 0 within its error.
+    Without the contact time, which is 0 within its error.
     """
     flat, deep = plane.discovery.fitted, space.discovery.fitted
     values, std = (dict(numbers) for numbers in (flat.values, flat.std))
@@ -305,7 +305,7 @@ def told_lifted(row: dict) -> str:
 
 
 def lifted_as_markdown(store: Rows = LIFTED_ROWS) -> str:
-    """The rows as a table of a page, and how many agree."""
+    """The rows as a Markdown table, and the number of sets on which plane and space agree."""
     try:
         rows = store.table()
     except UserError:

@@ -1,11 +1,11 @@
-"""Shared by all proofs: tables in config/proof/, cells that hold several values, runs that go on where they stopped.
+"""Shared by all proofs: tables in config/proof/, cells with several values, and runs that resume where they stopped.
 
-A row has a dataset's case, what was found of it, and by which code and when.  Rows are sorted, so that git shows what
-changed.
+A row identifies a dataset (its case) and holds the results for it, the code version and the date.  Rows are sorted to
+keep the differences in git short.
 
 | cell       | form                                                                                        |
 |------------|---------------------------------------------------------------------------------------------|
-| groups     | "a/b + c": effects in the order of selection, each with those that cannot be told from it   |
+| groups     | "a/b + c": effects in the order of selection, each with its indistinguishable alternatives  |
 | numbers    | "name=1:2;other=3"                                                                          |
 | code, made | hash of the code that made the row, empty: unknown; and the date                            |
 """
@@ -32,33 +32,33 @@ from thesis_lib.foundation.randomness import generator
 from thesis_lib.foundation.rows import STAMP, Rows, as_cell, today
 from thesis_lib.statistics.intervals import wilson
 
-CONFIG = Path(thesis_lib.__file__).resolve().parent.parent / "config"  # in a checkout; an installed package has none
+CONFIG = Path(thesis_lib.__file__).resolve().parent.parent / "config"  # exists in a checkout, not in an installation
 STORE = CONFIG / "proof"
 COMMAND = "python -m thesis_lib.studies.proof"
-NOTHING = "nothing"  # hidden
-LARGEST_GROUP = 3  # most effects in a group
+NOTHING = "nothing"  # truth of a dataset in which nothing is hidden
+LARGEST_GROUP = 3  # largest number of effects in a group that still counts as right
 Cells = Mapping[str, str]
 
 
 def stored(name: str, key: Sequence[str], others: Sequence[str], command: str, **how: Any) -> Rows:
-    """The table config/proof/`name`.csv with the columns of its key, others, and `STAMP`; `how` as in `Rows`."""
+    """The table config/proof/`name`.csv with the columns `key`, `others` and `STAMP`; `how` as in `Rows`."""
     return Rows(STORE / f"{name}.csv", (*key, *others, *STAMP), key, f"{COMMAND} {command}", **how)
 
 
 def groups_of(cell: str) -> list[list[str]]:
-    """Groups of effects in a cell."""
+    """The groups of effects in a cell."""
     return [group.split("/") for group in cell.split(" + ") if group]
 
 
 def groups_in(steps: Iterable[Step]) -> str:
-    """The cell with the effects of `steps`, and what cannot be told from them."""
+    """The cell with the effects of `steps`, each with the alternatives that cannot be distinguished from it."""
     return " + ".join("/".join((step.effect.name, *step.alternatives)) for step in steps)
 
 
 def is_exact(verdict: str, expected: Sequence[Collection[str]], groups: Sequence[Sequence[str]]) -> bool:
-    """Whether the verdict names each hidden cause, of which any of its `expected` names will do, in its own group.
+    """Return whether the verdict names each hidden cause, by any of its `expected` names, in a group of its own.
 
-    Exact is `adequate` where nothing is expected, and `unexplained` of a cause that no name will do for.
+    If nothing is expected, only `adequate` is exact; if a cause has no expected name, only `unexplained`.
     """
     if not any(expected):
         return verdict == ("unexplained" if expected else "adequate")
@@ -70,12 +70,12 @@ def is_exact(verdict: str, expected: Sequence[Collection[str]], groups: Sequence
 
 
 def with_effects(critique: DropsCritique) -> str:
-    """The cell with the effects of a critique alone, joined by +."""
+    """The cell with the effects of a critique without their alternatives, joined by +."""
     return "+".join(step.effect.name for step in critique.discovery.steps)
 
 
 def criticised(dataset: Dataset, seed: int, **options: Any) -> tuple[dict[str, Any], DropsCritique | None]:
-    """Result of the critique of a dataset by column, and the critique; of a refusal its reason, and None."""
+    """The results of the critique of a dataset by column, and the critique; if refused, the reason, and None."""
     try:
         critique = criticise_drops(dataset, rng=generator(seed, "critique", dataset.digest()), **options)
     except UserError as error:
@@ -95,7 +95,7 @@ def criticised(dataset: Dataset, seed: int, **options: Any) -> tuple[dict[str, A
 
 
 def said_of(row: Mapping[str, Any]) -> str:
-    """Verdict, and what was named, in words."""
+    """The verdict and the named effects in words."""
     return f"{row['verdict']}, {row['named'] or row['why'] or 'nothing named'}"
 
 
@@ -105,18 +105,18 @@ def value_of(cell: str) -> float:
 
 
 def numbers_of(cell: str) -> dict[str, list[float]]:
-    """Numbers in a cell, by name; ValueError if it is none."""
+    """The numbers in a cell, by name; ValueError if one cannot be read."""
     parts = (part.split("=") for part in cell.split(";") if part)
     return {name: [value_of(value) for value in values.split(":")] for name, values in parts}
 
 
 def numbers_in(named: Mapping[str, Iterable[float]], digits: int | None = None) -> str:
-    """The cell with numbers by name, with so many significant digits (None: all)."""
+    """The cell with numbers by name, to `digits` significant digits (None: all)."""
     return ";".join(f"{name}={':'.join(as_cell(x, digits) for x in values)}" for name, values in named.items())
 
 
 def share(hits: pd.Series) -> dict[str, float]:
-    """Their `share`, its 95 % Wilson interval `low`, `high`, and of how many, `n`; NaN of none."""
+    """The `share` of hits, its 95 % Wilson interval `low`, `high`, and their number `n`; NaN if there are none."""
     n = len(hits)
     low, high = wilson(int(hits.sum()), n)
     return {"share": float(hits.mean()) if n else float("nan"), "low": low, "high": high, "n": n}
@@ -124,12 +124,12 @@ def share(hits: pd.Series) -> dict[str, float]:
 
 @functools.cache
 def code_of(compute: Callable) -> str:
-    """Hash (16 hex digits) of all code that a function's module uses."""
+    """Hash (16 hex digits) of all code that the module of a function uses."""
     return lib_hash(inspect.getfile(compute))
 
 
 def stamped(row: Mapping[str, Any], compute: Callable) -> dict[str, Any]:
-    """A row that `compute` has made, with the hash of its code and today's date."""
+    """A row made by `compute`, with the hash of its code and today's date added."""
     return {**row, **dict(zip(STAMP, (code_of(compute), today())))}
 
 
@@ -144,13 +144,13 @@ def put_missing(
     again: bool = False,
     is_of_today: Callable[[Any, Cells], bool] | None = None,
 ) -> bool:
-    """Store the rows that `compute` makes of cases, `tell` of each what `told` says, and return whether all were made.
+    """Compute and store the missing rows of cases, report each one, and return whether all succeeded.
 
     Args:
-        cases: dataclasses whose fields are the key of their table; those that are stored are left out.
-        compute: function of an importable module; it runs in processes of their own, `jobs` at a time.
-        again: also the stored rows that are not of today's code, after the others.
-        is_of_today: whether the stored row of a case is; None: one that names the code of `compute`.
+        cases: dataclasses whose fields include the key of their table; cases with a stored row are skipped.
+        compute: function of an importable module that makes a row; runs in separate processes, `jobs` at a time.
+        told, again: function that returns a row in words for `tell`; whether to then recompute rows of older code.
+        is_of_today: whether today's code made the stored row of a case; None: compare it with the hash of `compute`.
     """
     is_of_today = is_of_today or (lambda case, row: row["code"] == code_of(compute))
     cases, stored = list(cases), {rows.path: rows for rows in map(rows_of, cases)}

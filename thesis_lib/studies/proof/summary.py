@@ -1,15 +1,15 @@
 """The proof against its targets: one row per figure and source, and all tables as text.
 
-Unless a figure says otherwise it counts datasets of 150 drops with the rig's noise and effects at three times the noise
-floor.  "mechanism" is our integration of compliant contact, "drake" is Drake's; they are judged together and apart, in
-contacts of 20 µs.  Contacts as long as real ones have a table of their own (`by_contact`).
+Unless stated otherwise a figure counts datasets of 150 drops with the rig's noise and effects at three times the noise
+floor.  "mechanism" is our integration of compliant contact, "drake" is Drake's; both have contacts of 20 µs and are
+judged together and separately.  Contacts of realistic duration have a table of their own (`by_contact`).
 
-- A share is compared with its target, and has a 95 % Wilson interval.  Parameters of one dataset are not quite
-  independent, so that the interval of the coverage is slightly too narrow.
+- A share is compared with its target and has a 95 % Wilson interval.  Parameters of one dataset are not quite
+  independent; the interval of the coverage is therefore slightly too narrow.
 - The coverage counts parameters of models that contain the hidden effect.  Its target also requires a median width
   over the Cramér-Rao bound of at most `WIDEST`.
-- The misfit over its floor is the median over single-effect datasets, right or wrong, with the interval of its order
-  statistics.  The note gives the worst truth, and the share of datasets within the target.
+- The misfit over its floor is the median over single-effect datasets, right or wrong, with an interval from order
+  statistics.  The note gives the worst truth and the share of datasets within the target.
 - A figure without stored results is "not run"; `n_asked` is the number of planned datasets.
 """
 
@@ -33,8 +33,8 @@ from thesis_lib.studies.proof.store import NOTHING, STORE, share
 
 MECHANISMS = ("mechanism", "drake")
 WIDEST = 1.3  # largest interval width over the Cramér-Rao bound
-SEEDS_ASKED = {NOTHING: 200, "single": 10}  # datasets planned per truth and source at 150 drops
-ASKED = {"pair": 10 * 10, "outside": 3 * 10, "small": 8 * 3}  # in all; "small": per source, at 50 drops
+SEEDS_ASKED = {NOTHING: 200, "single": 10}  # planned datasets per truth and source at 150 drops
+ASKED = {"pair": 10 * 10, "outside": 3 * 10, "small": 8 * 3}  # planned datasets; "small": per source, at 50 drops
 SUMMARY = (
     *("figure", "source", "at_least", "aim", "measured", "low", "high"),
     *("n", "n_asked", "met", "group_size", "note"),
@@ -51,10 +51,10 @@ WIDTH = 120
 
 @dataclass(frozen=True)
 class SummaryTarget:
-    """One figure of the summary, of the datasets of a `kind` (`proof.results.KINDS`) with that many `drops`.
+    """Target for one figure of the summary: datasets of one `kind` (`proof.results.KINDS`) with `drops` drops each.
 
     `measure` is the share of right verdicts, the coverage of parameters, or the misfit over its floor; `at_least` and
-    `aim` are intervals (low, high) for it; `groups` are the sources that are judged together.
+    `aim` are intervals (low, high) for its value; `groups` are sets of sources that are judged together.
     """
 
     figure: str
@@ -66,7 +66,7 @@ class SummaryTarget:
     drops: int = 150
 
     def met(self, value: float) -> str:
-        """aim, at least, or missed."""
+        """Return the strictest target that a value reaches: "aim", "at least", or "missed"."""
         limits = {"aim": self.aim, "at least": self.at_least}
         return next((name for name, (low, high) in limits.items() if low <= value <= high), "missed")
 
@@ -89,7 +89,7 @@ TARGETS = (
 
 
 def summary(store: Path = STORE) -> pd.DataFrame:
-    """The proof against its targets: columns `SUMMARY`; `met` is aim, at least, missed, or not run (nothing stored)."""
+    """The proof against its targets: columns `SUMMARY`; `met` is aim, at least, missed, or not run (no results)."""
     datasets, parameters = usual(outcomes(store)), usual(recovered(store))
     rows = []
     for target in TARGETS:
@@ -99,7 +99,7 @@ def summary(store: Path = STORE) -> pd.DataFrame:
             row = {"figure": target.figure, "source": "all" if group == RIGID else " + ".join(group), "note": ""}
             row |= {"at_least": _said(target, target.at_least), "aim": _said(target, target.aim)}
             row |= {"n_asked": _asked(target, group), "group_size": np.nan}
-            if target.kind in ("single", "pair"):  # without a known hidden effect every group is wrong
+            if target.kind in ("single", "pair"):  # for other kinds every named group is wrong
                 row["group_size"] = counted["group_size"].mean()
             if target.measure == "coverage":
                 counted = of_table(parameters, drops=target.drops)
@@ -120,7 +120,7 @@ def _share(target: SummaryTarget, hits: pd.Series) -> dict:
 
 def _coverage(target: SummaryTarget, values: pd.DataFrame) -> dict:
     found, width = _share(target, values["inside"]), float(values["width"].median())
-    if not width <= WIDEST:  # so is an unknown width
+    if not width <= WIDEST:  # an unknown width (NaN) also misses the target
         found["met"] = "missed"
     note = f"{len(values)} parameters, median width over the bound {width:.2f}"
     return found | {"n": len(values.drop_duplicates(["source", "truth", "seed"])), "note": note}
@@ -142,7 +142,7 @@ _MEASURES = {"right": lambda target, rows: _share(target, rows["right"]), "cover
 
 
 def _asked(target: SummaryTarget, group: Sequence[str]) -> float:
-    """Number of planned datasets; NaN if it is not planned per source, or depends on the named effects."""
+    """Number of planned datasets; NaN if not planned per source, or if it depends on which effects are named."""
     if target.measure == "coverage":
         return np.nan
     if target.drops != 150:
@@ -161,14 +161,14 @@ def _said(target: SummaryTarget, limits: tuple[float, float]) -> str:
 
 
 def tables(store: Path = STORE) -> dict[str, pd.DataFrame]:
-    """The tables `summary`, `real_contacts`, `misses` and `confusion`; CorruptFileError if the store cannot be read."""
+    """The tables `summary`, `real_contacts`, `misses`, `confusion`; CorruptFileError if stored rows are unreadable."""
     made = {"summary": summary(store), "real_contacts": by_contact(outcomes(store), recovered(store))}
     return made | {"misses": misses(store), "confusion": confusion(store)}
 
 
 def report(store: Path = STORE, folder: Path | None = None) -> str:
-    """All tables as text for a terminal of `WIDTH` columns; with a `folder` also written there as CSV, named as in
-    `tables`."""
+    """All tables as text for a terminal of `WIDTH` columns; if a `folder` is given, they are also written there as CSV
+    files named as in `tables`."""
     content = tables(store)
     for name, table in content.items() if folder else ():
         write_result(table, Path(folder) / f"{name}.csv")

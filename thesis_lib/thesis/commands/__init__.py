@@ -1,1 +1,1 @@
-"""Commands of the thesis: its claims, tables and figures."""
+"""Commands of the thesis: claims, tables and figures."""

@@ -1,4 +1,4 @@
-"""Command line of the claims ledger: check, update, page.  `python -m thesis_lib claims --help` teaches it."""
+"""Command line of the claims ledger: check, update, page (see `thesis-lib claims --help`)."""
 
 import argparse
 import json
@@ -9,25 +9,25 @@ from thesis_lib.foundation.command_line import FAILED, Parser, command
 
 EPILOG = """\
 What each command does
-  check   compares the results with the thesis (config/claims/), the statuses found with the committed ones
+  check   compares the results with the thesis (config/claims/), the statuses found with the committed statuses
           (config/claims_expected.yaml), and each figure's numbers with its stored copy (config/figures/<scale>/).
-          Exit status: 0 all as committed; 1 something changed or could not be compared; 2 a mistake in the input.
-          A claim that deviates from the thesis, and is committed as deviating, does not fail.
-  update  commits this run's statuses and figure copies. Look at the difference (git diff) before you commit it.
+          Exit status: 0 if all is as committed; 1 if something changed or could not be compared; 2 for wrong input.
+          A claim that deviates from the thesis and is committed as deviating is not a failure.
+  update  stores this run's statuses and figure copies. Review the difference (git diff) before you commit it.
   page    writes claims.csv and claims.html into the results folder.
 
 Examples
-  python -m thesis_lib claims check --scale quick
-  python -m thesis_lib claims update --scale default
-  python -m thesis_lib claims page --results results
+  thesis-lib claims check --scale quick
+  thesis-lib claims update --scale default
+  thesis-lib claims page --results results
 
-Which datasets a run had is read from <results>/datasets/present.json; claims and figures that need an absent one
+The datasets of a run are read from <results>/datasets/present.json; claims and figures that need a missing dataset
 are shown as "data not present" and never fail.
 """
 
 COMMANDS = {
-    "check": "compare a run with the thesis and with what is committed; exit status 1 if anything changed",
-    "update": "commit this run's statuses and figure copies",
+    "check": "compare a run with the thesis and with the committed statuses; exit status 1 if anything changed",
+    "update": "store this run's statuses and figure copies",
     "page": "write claims.csv and claims.html",
 }
 PATHS = {
@@ -42,7 +42,7 @@ STORED = {
 
 @command
 def main(argv: Sequence[str] | None = None) -> int:
-    """Run the command line; returns the exit status."""
+    """Run the command line and return the exit status."""
     options = _parser().parse_args(argv)
     if options.present is None:
         options.present = options.results / "datasets" / "present.json"
@@ -53,14 +53,14 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def _parser() -> Parser:
     parser = Parser(
-        prog="python -m thesis_lib claims",
-        description="What the thesis states, what this program finds, and whether that has changed.",
+        prog="thesis-lib claims",
+        description="Compare the statements of the thesis with our results, and report changes.",
         epilog=EPILOG,
     )
     commands = parser.add_subparsers(dest="command", required=True, metavar="check | update | page")
     for name, text in COMMANDS.items():
         of_page = name == "page"
-        example = f"example:\n  python -m thesis_lib claims {name}{'' if of_page else ' --scale quick'}"
+        example = f"example:\n  thesis-lib claims {name}{'' if of_page else ' --scale quick'}"
         description = text[0].upper() + text[1:] + "."
         subparser = commands.add_parser(name, help=text, description=description, epilog=example)
         for option, (default, meaning) in (PATHS | ({} if of_page else STORED)).items():
@@ -74,7 +74,7 @@ def _parser() -> Parser:
 
 
 def _scale_of(results: Path) -> str:
-    """The scale of a run by its provenance; "" without one: then all claims are judged, as at the default scale."""
+    """Scale of a run from its provenance; "" without one, in which case claims are decided as at the default scale."""
     from thesis_lib.foundation.files import read_json
 
     provenance = results / "provenance.json"
@@ -123,7 +123,7 @@ def _print_text(options: argparse.Namespace, results: list, changes: list, figur
     for row in differing.itertuples():
         print(f"  {row.figure} ({row.dataset}): {row.finding}")
     if changes or len(differing):
-        print(f"\nLook into it; if it is intended: python -m thesis_lib claims update --scale {options.scale}")
+        print(f"\nReview the change; if it is intended: thesis-lib claims update --scale {options.scale}")
 
 
 def _print_json(options: argparse.Namespace, results: list, changes: list, figures) -> None:
@@ -150,7 +150,7 @@ def _update(options: argparse.Namespace) -> int:
     from thesis_lib.thesis.records import catalogue
 
     results, present = _evaluate(options)
-    refuse_errors(results)  # before the figures are written, so that an update is all or nothing
+    refuse_errors(results)  # before figures are written, so that an update is all or nothing
     lines = update_figures(options.results, options.stored / options.scale, catalogue.figures(), present)
     lines += update_expected(options.expected, results, options.scale)
     print("\n".join(lines) if lines else "Nothing to update.")
@@ -166,5 +166,5 @@ def _page(options: argparse.Namespace) -> int:
     write_table(to_table(results), csv)
     write_page(results, html, options.scale)
     print(f"{csv}\n{html}")
-    refuse_errors(results)  # last, so that the page shows what is wrong
+    refuse_errors(results)  # last, so that the page shows the errors
     return 0

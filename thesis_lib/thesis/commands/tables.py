@@ -1,7 +1,7 @@
-"""`python -m thesis_lib tables` and `figures`: what the last run made for the thesis.
+"""Commands `thesis-lib tables` and `figures`, which show the results of the last run.
 
-A chapter's tables as the thesis lays them out; the figures, their files, what they show, and the commands that make
-them.
+`tables` prints a chapter's tables in the layout of the thesis; `figures` lists figures, their files and captions, and
+the commands that make them.
 """
 
 import functools
@@ -16,37 +16,37 @@ from thesis_lib.foundation.errors import UserError
 from thesis_lib.thesis.records.catalogue import figures
 from thesis_lib.thesis.records.record import Figure
 
-TABLES = "Print a chapter's tables as the thesis lays them out, from the results of the last run."
+TABLES = "Print a chapter's tables in the layout of the thesis, from the results of the last run."
 EXAMPLES = """\
 examples:
-  python -m thesis_lib tables chapter2
-  python -m thesis_lib tables chapter5 --results ../study/results | less -S
+  thesis-lib tables chapter2
+  thesis-lib tables chapter5 --results ../study/results | less -S
 """
 CHAPTERS = ("chapter2", "chapter3", "chapter4", "chapter5")
 FIGURES = """\
-List the figures with their files; with a number or a name: its files, its caption, and the command that makes it.
+List the figures with their files; with a number or name, show its files, its caption, and the command that makes it.
 """
 FIGURES_EXAMPLES = """\
 examples:
-  python -m thesis_lib figures
-  python -m thesis_lib figures 3-8
-  python -m thesis_lib figures 3-8 --dataset planar_dice
-  python -m thesis_lib figures named_physics
-  python -m thesis_lib figures --json | jq -r '.[].files[].path'
+  thesis-lib figures
+  thesis-lib figures 3-8
+  thesis-lib figures 3-8 --dataset planar_dice
+  thesis-lib figures named_physics
+  thesis-lib figures --json | jq -r '.[].files[].path'
 """
 WIDTH = 100
 
 
 @functools.cache
 def chapters() -> dict[str, list[dict[str, str]]]:
-    """The tables of each chapter, in the order in which they are printed: title, file, columns."""
+    """Tables of each chapter in the order of printing: title, file, columns."""
     from thesis_lib.foundation.yaml_file import read_yaml
 
     return read_yaml(Path(__file__).with_suffix(".yaml")).content
 
 
 def as_text(shown: Mapping[str, str], results: Path) -> str:
-    """Title, table and the meaning of its columns; UserError if the table has not been written."""
+    """Text with title, table and the meaning of its columns; UserError if the table does not exist."""
     import pandas as pd
 
     from thesis_lib.foundation.columns import explain
@@ -54,7 +54,7 @@ def as_text(shown: Mapping[str, str], results: Path) -> str:
 
     path, columns = results / shown["file"], shown["columns"].split()
     if not path.is_file():
-        raise UserError(f"{path} does not exist yet; make it with: snakemake --cores 2 {shown['file'].split('/')[0]}")
+        raise UserError(f"{path} does not exist yet; create it with: snakemake --cores 2 {shown['file'].split('/')[0]}")
     table = read_table(path, columns)[columns]
     meanings = explain(path.stem, columns)
     with pd.option_context("display.width", 250, "display.max_colwidth", 60):
@@ -68,8 +68,8 @@ def as_text(shown: Mapping[str, str], results: Path) -> str:
 
 @command
 def tables(argv: Sequence[str] | None = None) -> int:
-    parser = Parser(prog="python -m thesis_lib tables", description=TABLES, epilog=EXAMPLES)
-    parser.add_argument("chapter", choices=CHAPTERS, help="whose tables")
+    parser = Parser(prog="thesis-lib tables", description=TABLES, epilog=EXAMPLES)
+    parser.add_argument("chapter", choices=CHAPTERS, help="chapter whose tables are printed")
     parser.add_argument("--results", type=Path, default=Path("results"), help="default: %(default)s")
     args = parser.parse_args(argv)
     print("\n".join(as_text(shown, args.results) for shown in chapters()[args.chapter]), end="")
@@ -77,9 +77,9 @@ def tables(argv: Sequence[str] | None = None) -> int:
 
 
 def find_figure(asked: str) -> Figure:
-    """The figure of that number or name: 3-8, 3.8, "Figure 3-8" and figure_3_8.png are the same.
+    """Find a figure by number or name: 3-8, 3.8, "Figure 3-8" and figure_3_8.png are equivalent.
 
-    UserError if there is none, with similar ones.
+    UserError if there is none; the message lists similar names.
     """
     key = re.sub(r"^fig(ure|\.)?[\s_]*", "", asked.strip().lower().removesuffix(".png"))
     key = re.sub(r"[._\s-]+", "-", key)
@@ -87,7 +87,7 @@ def find_figure(asked: str) -> Figure:
         if figure.short.replace("_", "-") == key:
             return figure
     names = [figure.short for figure in figures()]
-    raise UserError(f"There is no figure {asked!r}{near(key, names)}\npython -m thesis_lib figures lists them.")
+    raise UserError(f"There is no figure {asked!r}{near(key, names)}\nthesis-lib figures lists them.")
 
 
 def as_dictionary(figure: Figure, results: Path) -> dict:
@@ -106,7 +106,7 @@ def as_dictionary(figure: Figure, results: Path) -> dict:
 
 
 def list_text(results: Path) -> str:
-    """Two lines per figure, by chapter; {a,b} in a path means either, as in a shell."""
+    """List of figures by chapter, two lines each; {a,b} in a path means a or b, as in a shell."""
     lines, chapter = [], None
     for figure in figures():
         if figure.chapter != chapter:
@@ -117,16 +117,16 @@ def list_text(results: Path) -> str:
         missing = [name for name, file in figure.files.items() if not (results / file).is_file()]
         note = f"   not made yet{': ' * bool(missing[0])}{', '.join(missing)}" if missing else ""
         lines += [f"  {figure.short:<16}{figure.title}", f"  {'':<16}{results / path}{note}"]
-    return "\n".join([*lines, "\npython -m thesis_lib figures NUMBER shows the caption and what makes it."])
+    return "\n".join([*lines, "\nthesis-lib figures NUMBER shows the caption and what makes it."])
 
 
 def figure_text(figure: Figure, results: Path, dataset: str) -> str:
-    """Files and commands of one figure, and its caption for one dataset."""
+    """Text with the files and commands of one figure, and its caption for one dataset."""
     lines = []
     for path in figure.files.values():
         note = "" if (results / path).is_file() else "   not made yet"
         lines += [f"{results / path}{note}", f"    snakemake --cores 2 results/{path}"]
-    lines.append("beside each picture: the same as .pdf, its numbers as .csv")
+    lines.append("beside each picture: the same as .pdf, and its numbers as .csv")
     for text in figure.text(dataset, results).split("\n\n"):
         lines += ["", *textwrap.wrap(text, WIDTH)]
     return "\n".join(lines)
@@ -134,7 +134,7 @@ def figure_text(figure: Figure, results: Path, dataset: str) -> str:
 
 def _shown_dataset(figure: Figure, results: Path, asked: str | None) -> str:
     if asked and asked not in figure.files:
-        known = ", ".join(filter(None, figure.files)) or "none: it is of no dataset"
+        known = ", ".join(filter(None, figure.files)) or "none, as it does not use a dataset"
         raise UserError(f"Figure {figure.short} has no dataset {asked!r}; it has {known}.")
     made = [name for name, path in figure.files.items() if (results / path).is_file()]
     return asked or (made or list(figure.files))[0]
@@ -142,10 +142,10 @@ def _shown_dataset(figure: Figure, results: Path, asked: str | None) -> str:
 
 @command
 def list_figures(argv: Sequence[str] | None = None) -> int:
-    parser = Parser(prog="python -m thesis_lib figures", description=FIGURES, epilog=FIGURES_EXAMPLES)
+    parser = Parser(prog="thesis-lib figures", description=FIGURES, epilog=FIGURES_EXAMPLES)
     parser.add_argument("figure", nargs="?", metavar="NUMBER", help="such as 3-8; default: list all")
     parser.add_argument("--results", type=Path, default=Path("results"), help="default: %(default)s")
-    parser.add_argument("--dataset", metavar="NAME", help="whose caption; default: the first whose picture is there")
+    parser.add_argument("--dataset", metavar="NAME", help="dataset of the caption; default: the first with a picture")
     parser.add_argument("--json", action="store_true", help="print JSON instead of text")
     args = parser.parse_args(argv)
     figure = find_figure(args.figure) if args.figure else None

@@ -1,1 +1,1 @@
-"""Figures of the thesis, a folder for each chapter."""
+"""Figures of the thesis, with a folder for each chapter."""

@@ -1,1 +1,1 @@
-"""Chapter 2: inertial parameters and contact forces of mechanisms, identified from noisy motion."""
+"""Chapter 2: identification of inertial parameters and contact forces of mechanisms from noisy motion."""

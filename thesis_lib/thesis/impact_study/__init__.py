@@ -1,1 +1,1 @@
-"""Chapter 3: (μ, ε) of impact laws from many impacts and from each, and the predictive range of the laws."""
+"""Chapter 3: (μ, ε) of impact laws, identified from all impacts and from each, and the laws' predictive range."""

@@ -1,9 +1,9 @@
-"""Energy of a body in flight and over its impacts: the thesis's test of figure 3-6 on all trials of a dataset.
+"""Energy of a body in flight and at impacts: the thesis's test of figure 3-6 on all trials of a dataset.
 
-The total energy g (y − y_rest) + (v_x² + v_y² + k² ω²)/2 per unit mass should fall at an impact and be conserved until
-the trial's next one.  Each arc conserves its energy by construction, so the test compares two arcs, fitted to separate
-samples at either end of a flight; flights too short for that are left out.  Both statements use all impacts, so that
-the test does not select its data.  The ellipse impacts say nothing about the fall: the authors kept only drops whose
+The total energy g (y − y_rest) + (v_x² + v_y² + k² ω²)/2 per unit mass should fall at an impact and be constant until
+the next impact.  Each arc conserves its energy by construction, so the test compares two arcs, fitted to separate
+samples at the two ends of a flight; flights too short for that are left out.  Both statements use all impacts, so
+the test does not select its data.  The ellipse impacts cannot test the fall: the authors kept only drops whose
 contact-space energy falls.
 """
 
@@ -16,8 +16,8 @@ from thesis_lib.datasets.format.impacts import Impacts
 from thesis_lib.datasets.format.samples import ArcSettings
 from thesis_lib.statistics.intervals import mean_of, share_of
 
-WINDOWS = 2 * ArcSettings().max_window  # samples of the two arcs of a flight: in a longer one they share none
-FEWEST = 5  # flights: fewer give no useful standard error
+WINDOWS = 2 * ArcSettings().max_window  # samples of the two arcs of a flight; in a longer flight they share none
+FEWEST = 5  # least number of flights that gives a useful standard error
 
 
 def rest_height(shape: Shape, height: float = 0.0) -> float:
@@ -32,7 +32,7 @@ def total_energy(q: np.ndarray, v: np.ndarray, *, k_g: float, gravity: float, re
 
 
 def flights(impacts: Impacts, longer_than: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
-    """Rows (first, next), (m,) each, of successive impacts of a trial that lie more than `longer_than` s apart."""
+    """Indices (first, next), (m,) each, of successive impacts of a trial that are more than `longer_than` s apart."""
     order = np.lexsort((impacts.impact, impacts.trial))
     a, b = order[:-1], order[1:]
     successive = (impacts.trial[a] == impacts.trial[b]) & (impacts.impact[b] == impacts.impact[a] + 1)
@@ -42,7 +42,7 @@ def flights(impacts: Impacts, longer_than: float = 0.0) -> tuple[np.ndarray, np.
 
 
 def energy_statements(dataset: Dataset, impacts: Impacts) -> pd.DataFrame:
-    """Rows for `statements`, from all impacts of a dataset.
+    """Rows on energy for `statements`, from all impacts of a dataset.
 
     energy_loss: share of impacts after which the total energy is lower; energy_taken: mean relative loss at an impact;
     energy_between: mean relative change over a flight (omitted if fewer than `FEWEST` are long enough).

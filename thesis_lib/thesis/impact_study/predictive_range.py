@@ -1,10 +1,10 @@
-"""Predictive range of a law: share of outcomes that it reaches, and share of the admissible set that it covers.
+"""Predictive range of a law: share of outcomes that it can predict, and share of the admissible set that it covers.
 
 An outcome lies in the range of a law if some (μ, ε) brings the law within a tolerance of the measured impulse
-(thesis, table 3.2).  The thesis gives no tolerance; the share is reported for several, our choice.
+(thesis, table 3.2).  The thesis gives no tolerance; the share is reported for several (own choice).
 
 The region of a law (thesis, figure 3-3) is the image of 0 ≤ μ ≤ μ_s, 0 ≤ ε ≤ 1 in the plane of impulses.  Its area over
-that of the admissible set is the share of the outcomes of rigid contact that the law can reach.
+the area of the admissible set is the share of the outcomes of rigid contact that the law can predict.
 """
 
 import numpy as np
@@ -13,12 +13,12 @@ from thesis_lib.contact.law import Law
 from thesis_lib.contact.space import admissible
 from thesis_lib.mechanics.contact import Contact
 
-POINTS = 81  # a side of the parameter grid; doubling it changes the covered share by less than 0.002
-ARC = 721  # vertices of the half disc before it is cut to the admissible set
+POINTS = 81  # points per side of the parameter grid; doubling them changes the covered share by less than 0.002
+ARC = 721  # vertices of the half disc before it is clipped to the admissible set
 
 
 def region(law: Law, space: Contact, *, points: int = POINTS) -> tuple[np.ndarray, np.ndarray]:
-    """Impulses (c_t, c_n), (points μ, points ε, n) each, over a grid even in arctan μ and in ε."""
+    """Impulses (c_t, c_n) of a law, (points μ, points ε, n) each, over a grid that is even in arctan μ and in ε."""
     mu = np.tan(np.linspace(0.0, 0.5 * np.pi, points, endpoint=False))
     epsilon = np.linspace(0.0, 1.0, points)
     with np.errstate(all="ignore"):
@@ -28,7 +28,7 @@ def region(law: Law, space: Contact, *, points: int = POINTS) -> tuple[np.ndarra
 
 
 def covered_share(law: Law, space: Contact) -> np.ndarray:
-    """Area (n,) of the law's region over that of the admissible set, without grid cells that reach out of the set."""
+    """Area (n,) of the law's region over the admissible area; grid cells not inside the admissible set are excluded."""
     c_t, c_n = region(law, space)
     inside = admissible(space, c_t, c_n)
     inside = inside[1:, 1:] & inside[:-1, 1:] & inside[1:, :-1] & inside[:-1, :-1]
@@ -58,8 +58,8 @@ def admissible_outline(space: Contact) -> tuple[np.ndarray, np.ndarray]:
     d_n = radius * np.sin(phase) / l_nn
     c_n = centre_n + d_n
     c_t = centre_t + (radius * np.cos(phase) - l_nt * d_n) / l_tt
-    # points with c_n < 0 (a few, in skewed contacts) move to c_n = 0 along a chord to a frictionless impulse: those of
-    # the arc to one inside the set, the ends of the line of maximum compression to the plastic one, which is on it
+    # points with c_n < 0 (a few, in skewed contacts) move to c_n = 0 along a chord to a frictionless impulse: points of
+    # the arc to an impulse inside the set, ends of the line of maximum compression to the plastic impulse on this line
     plastic = -space.v_n / space.K_nn
     arc = _lifted(c_t, c_n, 1.5 * plastic)
     line = _lifted(c_t[[0, -1]], c_n[[0, -1]], plastic)
@@ -68,7 +68,7 @@ def admissible_outline(space: Contact) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _lifted(c_t: np.ndarray, c_n: np.ndarray, apex_n: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Points (points, n) with c_n < 0 moved to c_n = 0 along their chord to (0, apex_n > 0)."""
+    """Move points (points, n) with c_n < 0 to c_n = 0 along their chord to (0, apex_n > 0)."""
     below = c_n < 0.0
     share = np.where(below, apex_n / np.where(below, apex_n - c_n, 1.0), 1.0)
     return share * c_t, np.where(below, 0.0, c_n)

@@ -1,46 +1,46 @@
-"""Statements of chapter 3 as numbers with standard errors, for the claims ledger.
+"""Statements of chapter 3 expressed as numbers with standard errors, for the claims ledger.
 
-A row has `statement`, `law` ('' if it concerns none), `value`, `std` (NaN if undefined), `unit`.
+Each row has `statement`, `law` ('' if it concerns no law), `value`, `std` (NaN if undefined), `unit`.
 
 | statement                  | value                                                                            |
 |----------------------------|----------------------------------------------------------------------------------|
 | irb_bound                  | mean held-out velocity error of the IRB Bound                                    |
 | irb_bound_mirrored         | the same after reading θ and ω clockwise (sensitivity: handedness of the angle)  |
-| over_best_post_hoc         | mean held-out error of a law minus that of Best Post Hoc of its variant          |
+| over_best_post_hoc         | mean held-out error of a law minus the error of Best Post Hoc of its variant     |
 | steep_friction             | mean held-out error at the inclined plane's μ = 0.3 minus that at the ensemble's μ |
-| tail_outside               | share of impulses out of a law's range in the tail of its errors, less that in the rest |
+| tail_outside               | share of impulses outside a law's range in the tail of its errors, minus that elsewhere |
 | error_bumps                | laws whose density of errors (figure 3-8) has a second peak beyond the highest   |
-| bump_outside               | `tail_outside` of the errors beyond the valley before that peak, mean over these laws |
+| bump_outside               | as `tail_outside`, for errors beyond the valley before that peak, mean over these laws |
 | back_spin                  | share of measured impacts after which v_t has changed its sign                   |
 | beyond_sticking            | share of measured impulses beyond the line of sticking                           |
-| predicted_back_spin, predicted_beyond_sticking | the same shares of a law's predictions                       |
-| converged_at               | least k from which on every subset's μ and ε stay within 10 % of their final value |
+| predicted_back_spin, predicted_beyond_sticking | the same shares for a law's predictions                      |
+| converged_at               | least k from which μ and ε of every subset stay within 10 % of their final values |
 | convexity_violations       | share of grid triples at which the cost of figure 3-7 is not convex              |
-| local_minima               | points of that grid that are below all eight neighbours                          |
+| local_minima               | number of points of that grid below all eight neighbours                         |
 | small_momentum             | AP Poisson: mean error at the lowest fourth of tangential momentum over the rest |
 | single_hits                | share of the first three hits of a trial that are clean single impacts (section 2.5) |
 
-`converged_at` without a law is that of the slowest law.  `energy` explains its rows.
+`converged_at` without a law is the value of the slowest law.  Rows from `energy` are defined there.
 
 The thesis's insights from figure 3-10, about individual parameters (μ_i, ε_i):
 
 | statement                  | law  | value                                                                       |
 |----------------------------|------|-----------------------------------------------------------------------------|
-| individual_minus_ensemble_mu, _epsilon | all | mean of the individual parameters minus the ensemble's           |
+| individual_minus_ensemble_mu, _epsilon | all | mean of the individual parameters minus the ensemble parameter   |
 | mu_zero                    | some | share of impacts whose individual μ is below 0.001                          |
-| mu_zero_offset             | some | mean abs(r_x) of those impacts over that of the rest (figure 3-11 a)        |
-| back_spin_outside          | some | share of measured back-spin that lies outside the law's range (figure 3-11 b) |
-| beyond_sticking_outside    | some | the same of measured impulses beyond the line of sticking                   |
+| mu_zero_offset             | some | mean abs(r_x) of these impacts over the mean of the rest (figure 3-11 a)    |
+| back_spin_outside          | some | share of impacts with back-spin outside the law's range (figure 3-11 b)     |
+| beyond_sticking_outside    | some | the same for measured impulses beyond the line of sticking                  |
 | misfit_lower_left          | some | mean misfit where both μ_i and ε_i are in their lowest quarter, over the rest |
-| epsilon_mode               | some | where the density of the individual ε peaks (Gaussian kernel, Scott's bandwidth) |
+| epsilon_mode               | some | peak of the density of the individual ε (Gaussian kernel, Scott's bandwidth) |
 | epsilon_modes              | some | number of peaks above a tenth of the highest                                |
 | individual_spread_mu, _epsilon | some | standard deviation of the individual parameters over the ensemble's value |
 | flatness_mu, _epsilon      | some | width of the shortest interval with half of the values over their 95 % quantile |
 
-Flatness is 0.53 for an even density from 0 up, and 0.12 for a Gaussian whose spread is a tenth of its mean.
-`law` is one of `FOLLOWED` where only some laws have the row.  All rows describe the individually fitted impacts,
-training and held-out alike; nothing is predicted.  Undefined values are omitted (no impact has μ = 0, a group has a
-single impact).
+Flatness is 0.53 for a uniform density from 0, and 0.12 for a Gaussian whose spread is a tenth of its mean.
+"Some" laws are those in `FOLLOWED`.  All rows describe the individually fitted impacts,
+training and held-out alike; nothing is predicted.  Undefined values are omitted (if no impact has μ = 0, or a group has
+a single impact).
 """
 
 from dataclasses import replace
@@ -63,8 +63,8 @@ MU_INCLINED_PLANE = 0.3  # PLA on aluminium, thesis section 3.4
 MAPPED = "anitescu_potra_poisson"  # the law of figure 3-9
 STUDIED = "anitescu_potra_newton"  # the law of figures 3-10 and 3-11
 TAIL = 0.1  # share of the held-out impacts with the largest errors
-BOUNCES = 3  # of a trial; section 2.5: "we considered the first 3 bounces"
-NOT_SEEN = ("off_wall", "lost_frames", "window_too_short", "no_approach")  # reasons that say nothing about a hit
+BOUNCES = 3  # bounces per trial; section 2.5: "we considered the first 3 bounces"
+NOT_SEEN = ("off_wall", "lost_frames", "window_too_short", "no_approach")  # reasons that do not concern the hit
 FOLLOWED = (STUDIED, "mirtich", "wang_mason", "anitescu_potra_poisson")
 
 Row = tuple[str, str, float, float, str]
@@ -82,12 +82,12 @@ def statements(
     energy: pd.DataFrame | None = None,
     left_out: pd.DataFrame | None = None,
 ) -> pd.DataFrame:
-    """All statements, in the kinetic weighting; predictions are judged on impacts with train = 0 in `split` only.
+    """All statements, in the kinetic weighting; predictions are evaluated only on impacts with train = 0 in `split`.
 
-    `ensemble` and `individual` (of all impacts studied) are of both weightings, `errors` are the `held_out_errors` in
-    the kinetic one, `topography` and `convergence` (any laws) as in figure 3-7, `energy` from `energy_statements`,
+    `ensemble` and `individual` (for all impacts studied) have both weightings, `errors` are the `held_out_errors` in
+    this weighting, `topography` and `convergence` (any laws) as in figure 3-7, `energy` from `energy_statements`,
     `left_out` the hits of recorded motions that are not single impacts (None: no motions were recorded).
-    Impulses within `tolerance` in m/s, over the mass, of what a law can predict are in its range.
+    An impulse is in a law's range if it is within `tolerance` in m/s, over the mass, of a possible prediction.
     """
     held_out = pick(impacts, split, train=0)
     ensemble = ensemble[ensemble["weighting"] == "kinetic"].set_index("law")
@@ -132,14 +132,14 @@ def statements(
 
 
 def reverses(space: Contact, c_t: np.ndarray, c_n: np.ndarray) -> np.ndarray:
-    """1.0 (n,) where the impulse (n,) changes the sign of v_t (back-spin, thesis 3.3.2), else 0.0; NaN: no impulse."""
+    """1.0 where the impulse (n,) changes the sign of v_t (back-spin, thesis 3.3.2), else 0.0; NaN without impulse."""
     # a stuck contact has v_t⁺ = 0 up to rounding
     changes = space.velocity_after(c_t, c_n)[0] * np.sign(space.v_t) < -1e-9 * np.abs(space.v_n)
     return np.where(np.isfinite(c_t + c_n), changes, np.nan)
 
 
 def crosses(space: Contact, c_t: np.ndarray, c_n: np.ndarray) -> np.ndarray:
-    """1.0 (n,) where the impulse (n,) lies beyond the line of sticking, else 0.0; NaN: no impulse."""
+    """1.0 where the impulse (n,) lies beyond the line of sticking, else 0.0; NaN without impulse."""
     beyond = beyond_sticking(space, c_t, c_n) > 1e-9 * np.hypot(c_t, c_n)
     return np.where(np.isfinite(c_t + c_n), beyond, np.nan)
 
@@ -147,9 +147,9 @@ def crosses(space: Contact, c_t: np.ndarray, c_n: np.ndarray) -> np.ndarray:
 def outside_beyond(
     edge: float, errors: pd.DataFrame, individual: pd.DataFrame, tolerance: float
 ) -> tuple[float, float]:
-    """Share of impulses outside a law's range among errors from `edge` on less that among the others; standard error.
+    """Share of impulses outside a law's range at errors from `edge`, minus share at lower errors; standard error.
 
-    `errors` (trial, impact, velocity_error) and `individual` (trial, impact, misfit) are of one law; an impulse lies
+    `errors` (trial, impact, velocity_error) and `individual` (trial, impact, misfit) are for one law; an impulse lies
     outside if its misfit exceeds `tolerance` in N s.
     """
     rows = errors.merge(individual[["trial", "impact", "misfit"]], on=["trial", "impact"])
@@ -160,7 +160,7 @@ def outside_beyond(
 
 
 def before_bump(error: np.ndarray) -> float | None:
-    """Lowest point of the density of errors (n,) between its highest peak and the next beyond; None without a next.
+    """Lowest point of the density of errors (n,) between its highest peak and the next peak at larger errors, or None.
 
     The density is reflected at 0 (Scott's bandwidth); a peak stands out by a fiftieth of the highest.
     """
@@ -168,7 +168,7 @@ def before_bump(error: np.ndarray) -> float | None:
     from scipy.stats import gaussian_kde
 
     finite = error[np.isfinite(error)]
-    width = len(finite) ** -0.2 * finite.std() / np.sqrt(np.mean(finite**2))  # of the errors, not of their reflection
+    width = len(finite) ** -0.2 * finite.std() / np.sqrt(np.mean(finite**2))  # of the errors without reflection
     kernel = gaussian_kde(np.concatenate([finite, -finite]), bw_method=width)
     grid = np.linspace(0.0, float(finite.max()), 1001)
     density = kernel(grid)
@@ -179,7 +179,7 @@ def before_bump(error: np.ndarray) -> float | None:
 
 
 def converged_at(convergence: pd.DataFrame, share: float = 0.1) -> float:
-    """Least k from which one law's μ and ε of every subset stay within `share` of those at the largest k."""
+    """Least k from which μ and ε of every subset of one law stay within `share` of their values at the largest k."""
     sizes = np.sort(convergence["k"].unique())
     off = np.zeros(len(sizes), dtype=bool)
     for _, part in convergence.groupby("subset"):
@@ -197,7 +197,7 @@ def local_minima(topography: pd.DataFrame) -> int:
 
 
 def mirrored_rotation(impacts: Impacts) -> Impacts:
-    """The same impacts with θ and ω read clockwise, and the corresponding contact point."""
+    """Return the impacts with θ and ω taken as clockwise, and the corresponding contact point."""
     flip = np.array([1.0, 1.0, -1.0])
     states = {name: getattr(impacts, name) * flip for name in ("q", "v_pre", "v_post")}
     return replace(impacts, **states, r=impacts.r * np.array([-1.0, 1.0]), cov=None)
@@ -213,7 +213,7 @@ def _errors_at(impacts: Impacts, law: str, mu: float, epsilon: float) -> np.ndar
 
 
 def _over_best_post_hoc(errors: pd.DataFrame) -> list[tuple[str, str, float, float, str]]:
-    """Paired differences; a law of both variants is compared among the published laws."""
+    """Paired differences to Best Post Hoc; a law that is in both variants is compared among the published laws."""
     wide = errors.pivot(index=["trial", "impact"], columns="model", values="velocity_error")
     rows = {}
     for laws in (VARIANTS["as_defined"], VARIANTS["as_published"]):  # the later one counts
@@ -230,11 +230,11 @@ def _small_momentum(held_out: Impacts, errors: pd.DataFrame) -> tuple[float, flo
 
 
 def single_hits(impacts: Impacts, left_out: pd.DataFrame) -> Row:
-    """Share of a trial's first `BOUNCES` hits that are clean single impacts, with its standard error over trials.
+    """Share of the first `BOUNCES` hits of a trial that are clean single impacts, with standard error over trials.
 
-    `impacts` are all single impacts that were found, `left_out` (trial, impact, reason) the other hits, counted in the
-    same row: hits close together, and those after which the body stays down or does not fly.  Hits that were not seen
-    well enough (`NOT_SEEN`) do not count.
+    `impacts` are all single impacts found, `left_out` (trial, impact, reason) the other hits, numbered together: hits
+    close together, and hits after which the body stays down or does not fly.  Hits that were not observed well enough
+    (`NOT_SEEN`) do not count.
     """
     seen = left_out[(left_out["impact"] < BOUNCES) & ~left_out["reason"].isin(NOT_SEEN)]
     alone = impacts.trial[impacts.impact < BOUNCES]
@@ -244,10 +244,10 @@ def single_hits(impacts: Impacts, left_out: pd.DataFrame) -> Row:
 
 
 def individual_rows(impacts: Impacts, individual: pd.DataFrame, ensemble: pd.DataFrame, tolerance: float) -> list[Row]:
-    """Rows (statement, law, value, std, unit).
+    """Rows (statement, law, value, std, unit) on individual parameters.
 
     `individual` (trial, impact, law, mu, epsilon, misfit; impacts among `impacts`) and `ensemble` (mu, mu_std, epsilon,
-    epsilon_std, indexed by law) are of one weighting.  An impulse lies outside if its misfit exceeds `tolerance` in
+    epsilon_std, indexed by law) have one weighting.  An impulse lies outside if its misfit exceeds `tolerance` in
     N s.
     """
     keys = pd.MultiIndex.from_arrays([impacts.trial, impacts.impact])
@@ -296,7 +296,7 @@ def _of_one_law(law: str, each: pd.DataFrame, r_x: np.ndarray, fit: pd.Series) -
 
 
 def epsilon_modes(epsilon: np.ndarray) -> tuple[float, int]:
-    """Peak of the density of the ε (n,), and number of peaks above a tenth of the highest."""
+    """Position of the peak of the density of ε (n,), and number of peaks above a tenth of the highest."""
     from scipy.signal import find_peaks
     from scipy.stats import gaussian_kde
 

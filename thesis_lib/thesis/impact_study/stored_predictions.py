@@ -1,36 +1,36 @@
-"""Our laws against the predictions that the authors stored with their data, and table 3.1's counts from those.
+"""Comparison of our laws with the predictions stored with the authors' data, and counts of table 3.1 from these.
 
-Matching the stored predictions shows how they were computed:
-- every law got the velocity after one sample of gravity, v + h (0, −g, 0) with h = 1/250 s, and the impulse is
-  reported as M_C J (v⁺ − v) with the velocity before it;
-- μ is that of table 3.1 with two decimals (`STORED_WITH`);
+Reproducing the stored predictions shows how they were computed:
+- every law was applied to the velocity after one sample of gravity, v + h (0, −g, 0) with h = 1/250 s; the impulse is
+  reported as M_C J (v⁺ − v) with the velocity before this step;
+- μ is the value of table 3.1 with two decimals (`STORED_WITH`);
 - AP Newton rebounds to −ε v_n with v_n before the gravity step;
-- Mirtich and Wang-Mason march in steps of 0.1 mN s and stop at the first step that is far enough;
-- for AP Poisson a tenth of the stored impulses do not solve the problem of the plastic stage.
+- Mirtich and Wang-Mason integrate in steps of 0.1 mN s and stop at the first step beyond the end;
+- for AP Poisson, a tenth of the stored impulses do not solve the complementarity problem of the plastic stage.
 
-If table 3.1 was identified with the same code, it includes the gravity step, so `parameters` repeats it: the law gets
-v + h (0, −g, 0), and its impulse is compared with c_irb − M_C J h (0, −g, 0), the measured impulse without gravity's
+If table 3.1 was identified with the same code, it includes the gravity step, so `parameters` repeats it: laws use
+v + h (0, −g, 0), and the impulse is compared with c_irb − M_C J h (0, −g, 0), the measured impulse without gravity's
 part.  That part is at most 1.4 mN s; it lowers ε by 0.007 to 0.009 for all laws but AP Newton (which rebounds from the
 velocity before the step) and raises μ by 0.001 to 0.003.
 
-The authors identified table 3.1 from the first 150 drops of their recording, as it seems (`first_drops`).  The thesis
-says "a randomly selected subset of the data", and of figure 3-7 that "the summation is over 150 drops".  Random subsets
-hardly ever give friction as low as table 3.1's.  The first `DROPS` drops, less those that the authors' tests refuse,
-do: fitted as the authors' code predicts, with its gravity step as above, they give table 3.1 for all laws but AP
-Newton, whose problem the authors solve by a quadratic program to a loose tolerance.  No later run of as many drops
-does; μ wanders over the recording.
+The authors seem to have identified table 3.1 from the first 150 drops of their recording (`first_drops`).  The thesis
+states "a randomly selected subset of the data" and, for figure 3-7, "the summation is over 150 drops".  Random subsets
+hardly ever give friction as low as in table 3.1.  The first `DROPS` drops, less those that the authors' tests reject,
+do: fitted with the laws of the authors' code, and with the gravity step, they give table 3.1 for all laws but AP
+Newton, whose problem the authors solve by a quadratic program to a loose tolerance.  No later sequence of as many drops
+does; μ drifts during the recording.
 
 | column                             | meaning                                                                      |
 |------------------------------------|------------------------------------------------------------------------------|
-| `mu`, `epsilon`                    | of the n impacts kept of the first drops                                     |
+| `mu`, `epsilon`                    | fitted to the n impacts kept of the first drops                              |
 | `mu_published`, ...                | table 3.1                                                                    |
-| `mu_runs_low`, `mu_runs_high`, ... | least and largest over the later runs of n impacts                           |
+| `mu_runs_low`, `mu_runs_high`, ... | least and largest over later sequences of n impacts                          |
 | `mu_random`, `mu_random_std`, ...  | median over random subsets of n impacts, and their robust standard deviation |
-| `lower`                            | share of the random subsets whose μ is at most the published one             |
-| `nearer`                           | share of them with (μ, ε) as near to the published pair as the first drops'  |
-| `nearer_runs`                      | the same share of the later runs                                             |
+| `lower`                            | share of random subsets whose μ is at most the published μ                   |
+| `nearer`                           | share of them with (μ, ε) as near to the published pair as the first drops   |
+| `nearer_runs`                      | the same share of the later sequences                                        |
 
-The row `TOGETHER` holds the means over the six laws; its `nearer` compares distances in all six pairs.
+The row `TOGETHER` has the means over the six laws; its `nearer` compares distances of all six pairs.
 """
 
 from dataclasses import replace
@@ -58,15 +58,15 @@ TABLE_3_1 = {  # (μ, ε)
     "wang_mason": (0.120, 0.537),
     "whittaker": (0.111, 0.484),
 }
-REPLICATES = 100  # of the bootstrap: standard errors to 7 %
+REPLICATES = 100  # replicates of the bootstrap, which give standard errors to 7 %
 STORED_WITH = {law: (int(100 * mu + 1e-9) / 100, epsilon) for law, (mu, epsilon) in TABLE_3_1.items()}
 DROPS = 150  # thesis, figure 3-7: "the summation is over 150 drops"
 TOGETHER = "together"
-_RESOLUTION = 1e-3  # of the search, whose last cells are a tenth of it: finer than table 3.1 is printed
+_RESOLUTION = 1e-3  # resolution of the search, whose last cells are a tenth of it: finer than the digits of table 3.1
 
 
 def best_worst(stored: pd.DataFrame) -> pd.DataFrame:
-    """Percentage of impacts in which each stored prediction is nearest to, and farthest from, the stored impulse."""
+    """Percentage of impacts in which a law's stored prediction is nearest to, or farthest from, the stored impulse."""
     truth = stored[["p_true_t", "p_true_n"]].to_numpy()
     predicted = np.stack([stored[[f"{law}_p_t", f"{law}_p_n"]].to_numpy() for law in SIX_LAWS], axis=1)
     best, worst = best_and_worst(np.linalg.norm(predicted - truth[:, None, :], axis=2))
@@ -74,7 +74,7 @@ def best_worst(stored: pd.DataFrame) -> pd.DataFrame:
 
 
 def agreement(impacts: Impacts, stored: pd.DataFrame) -> pd.DataFrame:
-    """Median and 95 % distance in N s between our impulses and the stored ones, for each of our variants."""
+    """Median and 95 % quantile of the distance in N s between our impulses and the stored impulses, per variant."""
     stored = stored.set_index("trial").loc[impacts.trial]
     body = {"mass": impacts.mass, "k_g": impacts.k_g}
     after = contact_space(impacts.v_pre + GRAVITY_STEP, impacts.r, **body)
@@ -94,10 +94,10 @@ def agreement(impacts: Impacts, stored: pd.DataFrame) -> pd.DataFrame:
 
 
 def cost_at_published(impacts: Impacts) -> pd.DataFrame:
-    """Mean misfit in N s at table 3.1's parameters and at ours for the same impacts, and the excess of the former.
+    """Mean misfit in N s at the parameters of table 3.1 and at ours for the same impacts, and relative excess.
 
-    Target unweighted, metric impulse, as the authors have them.  Where the excess is small, the cost hardly
-    distinguishes the published parameters from the best ones.
+    Target unweighted, metric impulse, as used by the authors.  If the excess is small, the cost hardly
+    distinguishes the published parameters from the best parameters.
     """
     target = target_of(impacts, "unweighted")
     rows = []
@@ -110,10 +110,10 @@ def cost_at_published(impacts: Impacts) -> pd.DataFrame:
 
 
 def parameters(impacts: Impacts, seed: int) -> pd.DataFrame:
-    """Ensemble (μ, ε) of the six published laws with the authors' gravity step, from all impacts.
+    """Fit ensemble (μ, ε) of the six published laws, with the authors' gravity step, to all impacts.
 
-    Target unweighted, metric impulse.  Standard errors come from `REPLICATES` bootstrap replicates over trials, whose
-    streams derive from `seed` and the law's name.
+    Target unweighted, metric impulse.  Standard errors are from `REPLICATES` bootstrap replicates over trials, whose
+    streams derive from `seed` and the name of the law.
     """
     target = target_with_gravity_step(impacts)
     rows = []
@@ -135,7 +135,7 @@ def target_with_gravity_step(impacts: Impacts) -> MeasuredImpulses:
 
 
 def law_with_gravity_step(law: str, name: str) -> Law:
-    """The variant `name` of a law as the authors call it, in a contact space after the gravity step."""
+    """Return the variant `name` of a law as applied by the authors, in a contact space after the gravity step."""
     variant = LAWS[name]
 
     def impulse(space: Contact, mu: np.ndarray, epsilon: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -145,12 +145,12 @@ def law_with_gravity_step(law: str, name: str) -> Law:
 
 
 def _rebound(law: str, after: Contact) -> np.ndarray | float:
-    """For AP Newton v_n before the gravity step over v_n after it, since it rebounds from the former; otherwise 1."""
+    """Ratio of v_n before and after the gravity step for AP Newton, which rebounds from the former; otherwise 1."""
     return (after.v_n - GRAVITY_STEP[1]) / after.v_n if law == "anitescu_potra_newton" else 1.0
 
 
 def drops_kept(all_drops: pd.DataFrame) -> pd.DataFrame:
-    """Numbers of the authors' drops without any of their flags and with each flag."""
+    """Numbers of the authors' drops: all, without any flag, and with each flag."""
     flagged = all_drops.filter(like="flag_") != 0
     rows = [("all", len(flagged)), ("kept", int((~flagged.any(axis=1)).sum()))]
     rows += [(name, int(flagged[name].sum())) for name in flagged]
@@ -158,14 +158,14 @@ def drops_kept(all_drops: pd.DataFrame) -> pd.DataFrame:
 
 
 def first_kept(all_drops: pd.DataFrame, drops: int = DROPS) -> int:
-    """Number of the first `drops` that carry none of the authors' flags."""
+    """Number of the first `drops` drops that have none of the authors' flags."""
     return int((all_drops.filter(like="flag_")[:drops] == 0).all(axis=1).sum())
 
 
 def first_drops(impacts: Impacts, n: int, subsets: int, rng: np.random.Generator) -> pd.DataFrame:
-    """A row per law and one for all together, with the columns above.
+    """Table with a row per law and one for all together; columns as in the module's docstring.
 
-    `impacts` are all that the authors kept, trials numbered as recorded, at least two runs of n.
+    `impacts` are all impacts that the authors kept, with trials numbered as recorded; at least two sequences of n.
     """
     target = target_with_gravity_step(impacts)
     order = np.argsort(impacts.trial, kind="stable")
@@ -184,7 +184,7 @@ def first_drops(impacts: Impacts, n: int, subsets: int, rng: np.random.Generator
 
 
 def _row(law: str, runs: int, pairs: np.ndarray, published: np.ndarray, distance: np.ndarray) -> dict[str, object]:
-    """`pairs` (runs + subsets, 2), with their distances to `published` (2,); the first run is that of the claim."""
+    """Row from `pairs` (runs + subsets, 2) and their distances to `published` (2,); the claim is on the first run."""
     row: dict[str, object] = {"law": law}
     for i, name in enumerate(("mu", "epsilon")):
         (first, *later), random = pairs[:runs, i], pairs[runs:, i]

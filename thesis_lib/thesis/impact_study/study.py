@@ -1,8 +1,8 @@
-"""The impact study of chapter 3: from impacts to parameters, held-out errors and predictive ranges, as tables.
+"""The impact study of chapter 3: tables of parameters, held-out errors and predictive ranges from impacts.
 
 Training and held-out impacts are separate.  `split_trials` draws the training trials for the ensemble parameters; every
-error and every best/worst count comes from the other trials.  Individual parameters and predictive ranges describe
-single impacts, predict nothing and use all impacts.
+error and every best/worst count are from the other trials.  Individual parameters and predictive ranges describe
+single impacts without predicting, and use all impacts.
 """
 
 from collections.abc import Iterable, Sequence
@@ -26,16 +26,16 @@ ALL_LAWS = tuple(LAWS)
 
 
 def split_trials(trials: np.ndarray, share: float, rng: np.random.Generator) -> np.ndarray:
-    """Mask (n,) of the impacts of training trials: a `share` of the trials; ValueError for fewer than two of them."""
+    """Draw a `share` of the trials for training; mask (n,) of their impacts.  ValueError for fewer than two trials."""
     units = np.unique(trials)
     if len(units) < 2:
-        raise ValueError("at least two trials are needed to keep training and held-out data apart")
+        raise ValueError("at least two trials are needed to separate training and held-out data")
     count = int(np.clip(round(share * len(units)), 1, len(units) - 1))
     return np.isin(trials, rng.choice(units, size=count, replace=False))
 
 
 def select_impacts(impacts: Impacts, filtering: str, max_impacts: int | None, rng: np.random.Generator) -> Impacts:
-    """At most `max_impacts` approaching impacts, filtered as in the thesis or not; ValueError if none remains."""
+    """Select up to `max_impacts` approaching impacts, filtered as in the thesis or not; ValueError if none is left."""
     body = {"mass": impacts.mass, "k_g": impacts.k_g}
     impacts = impacts.select(contact_space(impacts.v_pre, impacts.r, **body).v_n < 0.0)
     if filtering == "thesis":
@@ -47,12 +47,12 @@ def select_impacts(impacts: Impacts, filtering: str, max_impacts: int | None, rn
 
 
 def split_table(impacts: Impacts, train: np.ndarray) -> pd.DataFrame:
-    """The impacts studied, with the training mask `train` (n,)."""
+    """Table of the impacts studied, with the training mask `train` (n,)."""
     return pd.DataFrame({"trial": impacts.trial, "impact": impacts.impact, "train": train.astype(int)})
 
 
 def pick(impacts: Impacts, split: pd.DataFrame, train: int | None = None) -> Impacts:
-    """The impacts that `split` lists: all, training (1) or held-out (0) ones."""
+    """Return the impacts listed in `split`: all, or only training (1) or held-out (0) impacts."""
     chosen = split if train is None else split[split["train"] == train]
     keys = pd.MultiIndex.from_frame(chosen[["trial", "impact"]])
     here = pd.MultiIndex.from_arrays([impacts.trial, impacts.impact])
@@ -62,9 +62,9 @@ def pick(impacts: Impacts, split: pd.DataFrame, train: int | None = None) -> Imp
 def ensemble_table(
     impacts: Impacts, laws: Sequence[str], weightings: Sequence[Weighting], bootstrap: int, rng: np.random.Generator
 ) -> pd.DataFrame:
-    """Ensemble (μ, ε) with bootstrap standard errors: a row per law and weighting of eq. 3.7."""
+    """Table of ensemble (μ, ε) with bootstrap standard errors, a row per law and weighting of eq. 3.7."""
     rows = []
-    seed = int(rng.integers(2**63))  # streams by name, so that adding a law changes no other
+    seed = int(rng.integers(2**63))  # streams by name, so that adding a law does not change others
     for weighting in weightings:
         target = target_of(impacts, weighting)
         for name in laws:
@@ -77,7 +77,7 @@ def ensemble_table(
 def convergence_table(
     impacts: Impacts, laws: Iterable[str], sizes: Sequence[int], subsets: int, rng: np.random.Generator
 ) -> pd.DataFrame:
-    """Ensemble parameters and cost (N s) against the number of impacts k, for nested random subsets (figure 3-7 b)."""
+    """Table of ensemble parameters and cost (N s) by number of impacts k, for nested random subsets (figure 3-7 b)."""
     target = target_of(impacts)
     orders = [rng.permutation(len(impacts)) for _ in range(subsets)]
     rows = []
@@ -93,7 +93,7 @@ def convergence_table(
 def topography_table(
     impacts: Impacts, law: str, n: int, mu: np.ndarray, epsilon: np.ndarray, rng: np.random.Generator
 ) -> pd.DataFrame:
-    """Mean misfit (N s) of n random impacts over a grid of (μ, ε) (figure 3-7 a)."""
+    """Table of the mean misfit (N s) of n random impacts over a grid of (μ, ε) (figure 3-7 a)."""
     rows = rng.choice(len(impacts), size=min(n, len(impacts)), replace=False)
     grid = {"mu": np.repeat(mu, len(epsilon)), "epsilon": np.tile(epsilon, len(mu))}
     misfits = misfit_table(LAWS[law], target_of(impacts)[rows], **grid, metric="impulse")
@@ -101,7 +101,7 @@ def topography_table(
 
 
 def convexity_violations(topography: pd.DataFrame) -> float:
-    """Share of triples of neighbours on the grid, along axes and diagonals, with c(a) + c(b) < 2 c(middle)."""
+    """Share of triples of adjacent grid points, along axes and diagonals, with c(a) + c(b) < 2 c(middle)."""
     cost = topography.pivot(index="mu", columns="epsilon", values="cost").to_numpy()
     slack = -1e-9 * np.ptp(cost)  # for rounding
     second = [
@@ -115,7 +115,7 @@ def convexity_violations(topography: pd.DataFrame) -> float:
 
 
 def individual_table(impacts: Impacts, laws: Iterable[str], weightings: Sequence[Weighting]) -> pd.DataFrame:
-    """Individual (μ_i, ε_i), misfit and sticking bound μ_s: a row per impact, law and weighting (figure 3-10)."""
+    """Table of individual (μ_i, ε_i), misfit and sticking bound μ_s, per impact, law and weighting (figure 3-10)."""
     parts = []
     for weighting in weightings:
         target = target_of(impacts, weighting)
@@ -130,7 +130,7 @@ def individual_table(impacts: Impacts, laws: Iterable[str], weightings: Sequence
 def held_out_errors(
     impacts: Impacts, split: pd.DataFrame, ensemble: pd.DataFrame, weighting: Weighting
 ) -> pd.DataFrame:
-    """Errors of the held-out impacts, a row per impact and model.
+    """Table of errors of the held-out impacts, a row per impact and model.
 
     Columns: trial, impact, model (a law, or `irb_bound`), velocity_error in m/s (kinetic norm of the velocity of the
     centre of mass) and impulse_error in N s (against the measured impulse in that weighting).
@@ -144,7 +144,7 @@ def held_out_errors(
         out = LAWS[row.law](impacts.v_pre, impacts.r, **body, mu=row.mu, epsilon=row.epsilon)
         velocity = velocity_error(impacts.v_post - out.v_post, impacts.k_g)
         errors[row.law] = (velocity, _distance(target, *out.impulse.T))
-    # whole columns at once: joining tables would need twice the memory
+    # whole columns at once, because joining tables would need twice the memory
     velocity, impulse = (np.concatenate(parts) for parts in zip(*errors.values()))
     columns = {name: np.tile(getattr(impacts, name), len(errors)) for name in ("trial", "impact")}
     columns["model"] = pd.array(list(errors), dtype="str").repeat(len(impacts))
@@ -156,7 +156,7 @@ def _distance(target: MeasuredImpulses, c_t: np.ndarray, c_n: np.ndarray) -> np.
 
 
 def coverage_table(impacts: Impacts, laws: Iterable[str]) -> pd.DataFrame:
-    """Share of the admissible set that each law covers, averaged over impacts (figure 3-3)."""
+    """Table of the share of the admissible set that each law covers, averaged over impacts (figure 3-3)."""
     space = target_of(impacts).space
     rows = [(name, *mean_of(covered_share(LAWS[name], space))) for name in laws]
     return pd.DataFrame(rows, columns=["law", "share", "share_std"])

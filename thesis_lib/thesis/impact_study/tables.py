@@ -2,7 +2,7 @@
 
 Every table has both weightings of equation 3.7 (see `cost`) and two variants: `as_published`, the authors' code where
 it differs from the law of that name, and `as_defined`, the six laws themselves.  Standard errors of shares are Wilson's
-(see `shares`), so that a share of 0 % has one too.
+(see `shares`), so a share of 0 % has one as well.
 """
 
 import itertools
@@ -17,11 +17,11 @@ from thesis_lib.statistics.intervals import wilson_std
 from thesis_lib.thesis.impact_study.settings import SIX_AS_PUBLISHED
 
 VARIANTS = {"as_published": SIX_AS_PUBLISHED, "as_defined": SIX_LAWS}
-MU_ZERO = 1e-3  # an individual μ below it counts as zero: far below the thesis's smallest ensemble value, 0.062
+MU_ZERO = 1e-3  # an individual μ below this counts as zero; the thesis's smallest ensemble value is 0.062
 
 
 def best_and_worst(errors: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Share of impacts (columns of errors (n, laws)) in which each law is best and worst; a failed solve is worst."""
+    """Shares of impacts in which each law is best and worst, from errors (n, laws); a failed solve is worst."""
     errors = np.where(np.isnan(errors), np.inf, errors)
     count = errors.shape[1]
     best = np.bincount(np.argmin(errors, axis=1), minlength=count) / len(errors)
@@ -51,9 +51,9 @@ def table_3_1(ensemble: pd.DataFrame, errors: Mapping[str, pd.DataFrame]) -> pd.
 
 
 def table_3_2(individual: pd.DataFrame, tolerances: Sequence[float], mass: float) -> pd.DataFrame:
-    """Table 3.2: share of outcomes within each law's range; tolerances in m/s, of impulse over mass.
+    """Table 3.2: share of outcomes within each law's range; `tolerances` of impulse over mass in m/s.
 
-    `fraction_up_to_one` is the share with μ <= 1.  Only Mirtich's as published needs more: its μ is a viscosity in s/m.
+    `fraction_up_to_one` is the share with μ <= 1.  Only Mirtich's as published needs more; its μ is a viscosity in s/m.
     """
     rows = []
     for (weighting, chosen), (variant, laws) in itertools.product(individual.groupby("weighting"), VARIANTS.items()):
@@ -70,7 +70,7 @@ def table_3_2(individual: pd.DataFrame, tolerances: Sequence[float], mass: float
 
 
 def _by_model(errors: pd.DataFrame, values: str) -> pd.DataFrame:
-    """A column per model, a row per impact, as by `DataFrame.pivot` but in a quarter of its memory."""
+    """Table with a column per model, a row per impact, as by `DataFrame.pivot` but with a quarter of the memory."""
     columns: dict[str, pd.Series] = {}
     for model in sorted(errors["model"].unique()):
         rows = errors.loc[errors["model"] == model, ["trial", "impact", values]]
@@ -83,7 +83,7 @@ def _by_model(errors: pd.DataFrame, values: str) -> pd.DataFrame:
 
 
 def error_summary(errors: pd.DataFrame) -> pd.DataFrame:
-    """Mean, median and 90 % velocity error of every model and of Best Post Hoc, with the standard error of the mean."""
+    """Table of mean (with standard error), median and 90 % quantile of velocity errors per model and Best Post Hoc."""
     wide = _by_model(errors, "velocity_error")
     for variant, laws in VARIANTS.items():
         wide[f"best_post_hoc_{variant}"] = best_post_hoc(wide[list(laws)].to_numpy())[1]

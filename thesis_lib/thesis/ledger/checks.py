@@ -1,4 +1,4 @@
-"""The `source` and the `check` of a claim: where our value is found, and when it counts as reproduced.
+"""The `source` of a claim, where our value is found, and its `check`, the condition for it to be reproduced.
 
 | kind            | reproduced if                                                   | keys beside `kind`     |
 |-----------------|-----------------------------------------------------------------|------------------------|
@@ -6,15 +6,15 @@
 | rel             | abs(ours − published) ≤ tolerance · abs(published)              | tolerance (a fraction) |
 | interval        | abs(ours − published) ≤ k · std + rounding                      | k, rounding (0)        |
 | greater, less   | ours − k · std > threshold; ours + k · std < threshold          | threshold, k (0)       |
-| ordering        | the column puts the rows in this order                          | key, rows, order       |
+| ordering        | the column sorts the rows in this order                         | key, rows, order       |
 | argmax, argmin  | this row has the largest (smallest) value of the rows selected  | key, row               |
 | true            | the cell is true                                                |                        |
 
 - ordering: `rows` lists values of the column `key`, e.g. [a, b, c].  A nested list is a group without inner order,
   e.g. [a, [b, c], d].  Rows not listed are ignored.  `order` is ascending (default) or descending.
 - ordering, argmax and argmin accept `k`: two rows must differ by more than k standard errors of the difference,
-  √(s₁² + s₂²); the default k = 0 refuses ties.
-- With a margin of k standard errors a check that fails by less than that margin is not decided: noise hides the answer.
+  √(s₁² + s₂²); the default k = 0 rejects ties.
+- With a margin of k standard errors, a check that fails by less than the margin is "not decided", because of noise.
 """
 
 import math
@@ -28,14 +28,14 @@ from thesis_lib.thesis.ledger.reading import CsvFile, NonNegative, Number, Posit
 
 def cell(value: Any) -> Any:
     if not isinstance(value, bool | int | float | str) or value != value:
-        raise ValueError("a text, a number, true or false is wanted here")
+        raise ValueError("expected text, a number, true or false")
     return value
 
 
 def cell_or_group(value: Any) -> Any:
     if isinstance(value, list):
         if not value:
-            raise ValueError("an empty group orders nothing")
+            raise ValueError("a group must not be empty")
         return [cell(row) for row in value]
     return cell(value)
 
@@ -48,18 +48,18 @@ def published(value: Any) -> Any:
     except ValueError:
         return value
     if isinstance(value, float) and not math.isfinite(value):
-        raise ValueError("a published number is finite")
+        raise ValueError("a published number must be finite")
     return None if value is None else cell(value)
 
 
-# one message instead of one for each type of a union
+# gives one message instead of one for each type of a union
 Cell = Annotated[Any, PlainValidator(cell)]
 CellOrGroup = Annotated[Any, PlainValidator(cell_or_group)]
 Published = Annotated[Any, PlainValidator(published)]
 
 
 class SourceCell(Section):
-    """The cell that holds our value (for orderings, the cells) in a table of results."""
+    """Cell (for orderings, cells) with our value in a table of results."""
 
     file: CsvFile = Field(description="CSV below the results folder")
     where: dict[str, Cell] = Field({}, description="column: value; all must hold")
@@ -68,11 +68,11 @@ class SourceCell(Section):
 
 
 class Within(Section):
-    """abs(ours − published) ≤ tolerance, in the claim's unit (abs) or times abs(published) (rel)."""
+    """Check abs(ours − published) ≤ tolerance, in the claim's unit (abs) or times abs(published) (rel)."""
 
     kind: Literal["abs", "rel"]
     tolerance: Positive
-    reason: Text = Field(description="why this tolerance is the right one")
+    reason: Text = Field(description="why this tolerance is appropriate")
 
     def text(self) -> str:
         amount = f"{self.tolerance:g}" if self.kind == "abs" else f"{100 * self.tolerance:g} %"
@@ -80,12 +80,12 @@ class Within(Section):
 
 
 class Interval(Section):
-    """abs(ours − published) ≤ k · std + rounding."""
+    """Check abs(ours − published) ≤ k · std + rounding."""
 
     kind: Literal["interval"]
     k: Positive
     rounding: NonNegative = Field(0.0, description="half a unit of the published value's last digit")
-    reason: Text = Field(description="why this k is the right one")
+    reason: Text = Field(description="why this k is appropriate")
 
     def text(self) -> str:
         rounding = f" ± {self.rounding:g} for rounding" if self.rounding else ""
@@ -99,12 +99,12 @@ class _Margin(Section):
     @model_validator(mode="after")
     def _has_reason(self) -> Self:
         if self.k and self.reason is None:
-            raise ValueError("reason is missing: say why this k is the right one")
+            raise ValueError("reason is missing: state why this k is appropriate")
         return self
 
 
 class Threshold(_Margin):
-    """ours − k · std > threshold (greater), ours + k · std < threshold (less)."""
+    """Check ours − k · std > threshold (greater), or ours + k · std < threshold (less)."""
 
     kind: Literal["greater", "less"]
     threshold: Number
@@ -116,7 +116,7 @@ class Threshold(_Margin):
 
 
 class _Ranked(_Margin):
-    key: Text = Field(description="column whose values name the rows")
+    key: Text = Field(description="column whose values identify the rows")
 
     def text(self) -> str:
         if self.k:
@@ -125,7 +125,7 @@ class _Ranked(_Margin):
 
 
 class Ordering(_Ranked):
-    """The column puts the rows in this order; a nested list is a group without inner order."""
+    """Check that the column sorts the rows in this order; a nested list is a group without inner order."""
 
     kind: Literal["ordering"]
     rows: Annotated[list[CellOrGroup], Field(min_length=2)]
@@ -133,7 +133,7 @@ class Ordering(_Ranked):
 
     @property
     def groups(self) -> list[list]:
-        """The rows as groups; a single row is a group of one."""
+        """Return the rows as groups; a single row is a group of one."""
         return [row if isinstance(row, list) else [row] for row in self.rows]
 
     @model_validator(mode="after")
@@ -145,14 +145,14 @@ class Ordering(_Ranked):
 
 
 class Extreme(_Ranked):
-    """This row has the largest (argmax) or smallest (argmin) value."""
+    """Check that this row has the largest (argmax) or smallest (argmin) value."""
 
     kind: Literal["argmax", "argmin"]
     row: Cell
 
 
 class IsTrue(Section):
-    """The cell, a flag computed by the pipeline, is true."""
+    """Check that the cell, a flag computed by the pipeline, is true."""
 
     kind: Literal["true"]
 

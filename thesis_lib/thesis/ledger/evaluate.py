@@ -1,7 +1,7 @@
-"""Evaluate each claim: select our value from the results and apply the claim's check (formats in `ledger`).
+"""Evaluation of claims: select our value from the results and apply the claim's check (formats in `ledger`).
 
-Whatever prevents a comparison (a missing file, column or row, several rows where one is wanted, text, NaN, infinity,
-a dataset unknown to the run) gives a result of status `error`, never a pass.
+If anything prevents a comparison (a missing file, column or row, several rows instead of one, text, NaN, infinity,
+a dataset unknown to the run), the result has status `error`, never `reproduced`.
 """
 
 import functools
@@ -25,10 +25,10 @@ SLACK = 1e-9  # relative; 0.13 − 0.12 must not exceed 0.01 by the last bits of
 
 
 def evaluate(ledger: Ledger, results_dir: str | Path, present: Mapping[str, bool], scale: str = "") -> list[Result]:
-    """The result of each claim, in the ledger's order; mistakes in the results do not raise (see the module's head).
+    """Evaluate each claim, in the ledger's order; mistakes in the results do not raise (see the module's docstring).
 
-    `results_dir` holds the sources; `present`: whether this run had each dataset (`reading.read_present`); `scale` at
-    which it ran, which may be too noisy to decide a claim.
+    `results_dir` contains the sources; `present`: whether this run had each dataset (`reading.read_present`); `scale`:
+    that of the run, which may be too noisy to decide a claim.
     """
     read = functools.cache(lambda file: read_cells(Path(results_dir) / file))
     results = [_evaluate(claim, present, read) for claim in ledger.claims]
@@ -36,7 +36,7 @@ def evaluate(ledger: Ledger, results_dir: str | Path, present: Mapping[str, bool
 
 
 def _undecided(result: Result) -> Result:
-    """The result at the quick scale, which decides nothing about claims that say so."""
+    """Result as it counts at the quick scale: "not decided" if a claim with `quick` was compared."""
     why = result.claim.quick
     if why is None or result.status not in (ClaimStatus.REPRODUCED, ClaimStatus.DEVIATES):
         return result
@@ -47,7 +47,7 @@ def _evaluate(claim: Claim, present: Mapping[str, bool], read: Callable[[str], p
     published = _published(claim)
     if unknown := [name for name in claim.needs if name not in present]:
         known = ", ".join(sorted(present)) or "none"
-        finding = f"the run reports nothing about the dataset {', '.join(unknown)} (known: {known})"
+        finding = f"the run does not report on the dataset {', '.join(unknown)} (known: {known})"
         return Result(claim, ClaimStatus.ERROR, published, finding=finding)
     if absent := [name for name in claim.needs if not present[name]]:
         return Result(claim, ClaimStatus.NO_DATA, published, finding=f"needs the dataset {', '.join(absent)}")
@@ -65,7 +65,7 @@ def _evaluate(claim: Claim, present: Mapping[str, bool], read: Callable[[str], p
 
 
 def _selected(claim: Claim, table: pd.DataFrame) -> pd.DataFrame:
-    """The rows of a table that a claim's source selects; their cells are text."""
+    """Select the rows of a table by a claim's source; cells are text."""
     source = claim.source
     table[source.column]  # report a missing column before a missing row
     rows = _with(table, source.where)
@@ -81,11 +81,11 @@ def _with(rows: pd.DataFrame, cells: Mapping[str, object]) -> pd.DataFrame:
 
 
 def _only(claim: Claim, rows: pd.DataFrame, **further: object) -> pd.Series:
-    """The one row, of those with further cells."""
+    """Return the only row with these further cells; UserError if there is not exactly one."""
     rows = _with(rows, further)
     if len(rows) != 1:
         where = _condition({**claim.source.where, **further})
-        raise UserError(f"{claim.source.file} has {len(rows) or 'no'} rows with {where}; one is wanted")
+        raise UserError(f"{claim.source.file} has {len(rows) or 'no'} rows with {where}; exactly one is needed")
     return rows.iloc[0]
 
 
@@ -125,7 +125,7 @@ def _matches(cell: str, wanted: object) -> bool:
 
 
 def _condition(where: Mapping[str, object]) -> str:
-    return ", ".join(f"{name} = {value}" for name, value in where.items()) or "anything in it"
+    return ", ".join(f"{name} = {value}" for name, value in where.items()) or "any content"
 
 
 def _published(claim: Claim) -> str:
@@ -162,7 +162,7 @@ def _measure_number(claim: Claim, rows: pd.DataFrame) -> Result:
     name += f" {_short(reference)}" if isinstance(check, Threshold) else ""
     share = "" if math.isnan(relative) else f" ({100 * relative:+.3g} %)"
     finding = f"differs from {name} by {difference:+.4g}{share}"
-    finding += f", less than {check.k:g} standard errors: noise hides the answer" if hidden else ""
+    finding += f", less than {check.k:g} standard errors: the noise is too large to decide" if hidden else ""
     return Result(claim, _status(holds, hidden), "", FLOAT_FORMAT % value, std, difference, relative, finding)
 
 
@@ -187,7 +187,7 @@ def _measure_extreme(claim: Claim, rows: pd.DataFrame) -> Result:
     check = claim.check
     best = _only(claim, rows, **{check.key: check.row})
     if len(rows) < 2:
-        raise UserError(f"{claim.source.file}: {check.row} is the only row selected, so it is trivially extreme")
+        raise UserError(f"{claim.source.file}: {check.row} is the only row selected, so there is nothing to compare")
     others = {i: _member(claim, row) for i, row in rows.iterrows()}
     top = others[best.name]
     pairs = [(one, top) for i, one in others.items() if i != best.name]
@@ -196,7 +196,7 @@ def _measure_extreme(claim: Claim, rows: pd.DataFrame) -> Result:
 
 
 class _Member(NamedTuple):
-    """A row that is compared with others: its name and value, and its standard error if that counts."""
+    """A row that is compared with others: name, value, and standard error (0 if the check does not use it)."""
 
     name: str
     value: float
@@ -216,7 +216,7 @@ def _ranked(
 ) -> Result:
     """Compare pairs (before, after): sign · (after − before) must exceed k standard errors.
 
-    `ascending`: our values are shown with the smallest first.
+    `ascending`: our values are shown in ascending order.
     """
     check, broken, hidden = claim.check, [], True
     for before, after in pairs:
@@ -230,13 +230,13 @@ def _ranked(
     if len(broken) > 3:
         finding += f"; and {len(broken) - 3} more pairs"
     if broken and hidden:
-        finding += f"; less than {check.k:g} standard errors: noise hides the answer"
-    # equal values by name, for a deterministic order
+        finding += f"; less than {check.k:g} standard errors: the noise is too large to decide"
+    # equal values are sorted by name, for a deterministic order
     order = sorted(members, key=lambda one: (one.value if ascending else -one.value, one.name))
     ours = (" < " if ascending else " > ").join(map(str, order))
     return Result(claim, _status(not broken, hidden), ours=ours, finding=finding)
 
 
 def _status(holds: bool, hidden: bool = False) -> ClaimStatus:
-    """The status of a check; `hidden`: that it fails is less than noise."""
+    """Status of a check; `hidden`: it fails by less than the noise."""
     return ClaimStatus.REPRODUCED if holds else ClaimStatus.UNDECIDED if hidden else ClaimStatus.DEVIATES

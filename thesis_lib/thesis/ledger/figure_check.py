@@ -1,7 +1,7 @@
-"""Figures' CSVs against small stored copies, column by column within stated tolerances.
+"""Comparison of the figures' CSVs with small stored copies, column by column, within stated tolerances.
 
 Each figure's record (`thesis_lib.thesis.records`) states the columns to compare and their tolerances.  A picture
-without a record, a column without a tolerance, a missing CSV and a missing copy are failures.
+without a record, a column without a tolerance, a missing CSV and a missing copy count as failures.
 
 A number agrees if abs(ours − stored) ≤ abs + rel · abs(stored).  NaN agrees only with NaN, an infinity only with the
 same infinity.  Rows are compared by position, and their number must not change.
@@ -22,26 +22,26 @@ from thesis_lib.foundation.files import read_cells, write_table
 from thesis_lib.thesis.ledger.reading import number
 from thesis_lib.thesis.records.record import Figure, Tolerance
 
-NO_FIGURES = {  # pictures among the results, and why they have no record
+NO_FIGURES = {  # pictures among the results, and the reason why they have no record
     "chapter2/hidden/*": "critiques of mechanisms; tests/critique checks their numbers",
     "critique/*": "critiques of drops; tests/critique checks their numbers and their bytes",
 }
 ROW = "row"  # column of a stored copy: position in the figure's CSV, from 0
-COMMON = "common"  # folder of the figures that belong to no dataset
+COMMON = "common"  # folder of figures that do not belong to a dataset
 AGREES, DIFFERS, NO_DATA, ERROR = "agrees", "differs", "data not present", "error"
-REMEDY = "if this is intended: python -m thesis_lib claims update"
+REMEDY = "if this is intended: thesis-lib claims update"
 
 
 def kept_rows(total: int, most: int) -> list[int]:
     """Positions of at most `most` evenly spaced rows out of `total`, including the first and the last."""
     if total <= most:
         return list(range(total))
-    # the integer form of linspace: no rounding of halves that could differ between machines
+    # integer form of linspace, without rounding of halves, which could differ between machines
     return [i * (total - 1) // (most - 1) for i in range(most)]
 
 
 def store_figure(csv: str | Path, stored: str | Path, figure: Figure) -> None:
-    """Write the thinned copy of a figure's CSV; UserError if it is missing or has columns or cells to be refused."""
+    """Write the thinned copy of a figure's CSV; UserError if it is missing or has invalid columns or cells."""
     cells = read_cells(csv)
     if problems := _form(cells, csv, figure):
         raise UserError(f"{csv} cannot be stored: " + "; ".join(problems))
@@ -50,9 +50,9 @@ def store_figure(csv: str | Path, stored: str | Path, figure: Figure) -> None:
 
 
 def check_figure(csv: str | Path, stored: str | Path, figure: Figure) -> list[str]:
-    """Differences between a figure's CSV and its stored copy; UserError if one is missing or cannot be read."""
+    """List the differences between a figure's CSV and its stored copy; UserError if one is missing or unreadable."""
     if not Path(stored).is_file():
-        raise UserError(f"{stored} does not exist; store it: python -m thesis_lib claims update")
+        raise UserError(f"{stored} does not exist; store it: thesis-lib claims update")
     cells, copy = read_cells(csv), read_cells(stored)
     if problems := _form(cells, csv, figure) or _copy_form(copy, stored, figure):
         return problems
@@ -87,10 +87,10 @@ def check_figures(
 def update_figures(
     results_dir: str | Path, stored_dir: str | Path, figures: Sequence[Figure], present: Mapping[str, bool]
 ) -> list[str]:
-    """Store the copies that are missing or no longer agree; return one line for each.
+    """Store copies that are missing or no longer agree; return one line for each.
 
-    Copies that agree stay: this avoids noise in the history, and small drifts cannot add up unseen.  UserError, and
-    nothing is written, if some cannot be stored; all of these are listed.
+    Copies that agree are kept: this avoids noise in the history, and small drifts cannot accumulate unnoticed.
+    UserError, and nothing is written, if some cannot be stored; the message lists all of these.
     """
     results_dir, stored_dir = Path(results_dir), Path(stored_dir)
     todo, refused = [], []
@@ -128,7 +128,7 @@ def _columns(figure: Figure) -> list[str]:
 def _known(dataset: str, present: Mapping[str, bool]) -> None:
     if dataset != COMMON and dataset not in present:
         known = ", ".join(sorted(present)) or "none"
-        raise UserError(f"the run reports nothing about the dataset {dataset} (known: {known})")
+        raise UserError(f"the run does not report on the dataset {dataset} (known: {known})")
 
 
 def _check_one(csv: Path, stored: Path, figure: Figure, dataset: str, present: Mapping[str, bool]) -> tuple[str, str]:
@@ -148,7 +148,7 @@ def _unknown_pictures(results_dir: Path, figures: Iterable[Figure]) -> list[tupl
     for picture in sorted(results_dir.rglob("*.png")):
         path = picture.relative_to(results_dir).as_posix()
         if path not in known and not any(fnmatch.fnmatch(path, pattern) for pattern in NO_FIGURES):
-            text = f"{path} has no record in thesis_lib/thesis/records (delete it if it is left over)"
+            text = f"{path} has no record in thesis_lib/thesis/records (delete it if it is no longer needed)"
             rows.append((picture.stem, picture.parent.name, ERROR, text))
     return rows
 
@@ -156,14 +156,14 @@ def _unknown_pictures(results_dir: Path, figures: Iterable[Figure]) -> list[tupl
 def _unused_copies(stored_dir: Path, figures: Iterable[Figure]) -> list[tuple[str, str, str, str]]:
     used = {(dataset, name) for name, dataset, _, _ in _compared(figures)}
     return [
-        (copy.stem, copy.parent.name, ERROR, f"{copy} belongs to no figure: delete it")
+        (copy.stem, copy.parent.name, ERROR, f"{copy} does not belong to a figure: delete it")
         for copy in sorted(stored_dir.glob("*/*.csv"))
         if (copy.parent.name, copy.stem) not in used
     ]
 
 
 def _form(cells: pd.DataFrame, path: str | Path, figure: Figure) -> list[str]:
-    """Mistakes in a figure's CSV itself."""
+    """List mistakes in a figure's CSV itself."""
     wanted = _columns(figure)
     problems = [f"column {name} is missing in {path}" for name in wanted if name not in cells.columns]
     extra = [name for name in cells.columns if name not in wanted]
@@ -173,19 +173,19 @@ def _form(cells: pd.DataFrame, path: str | Path, figure: Figure) -> list[str]:
     for name in () if problems else figure.number_columns:
         bad = [(i, cell) for i, cell in enumerate(cells[name]) if _number(cell) is None]
         if bad:
-            problems.append(f"column {name} holds {bad[0][1]!r} in row {bad[0][0]}, no number (make it a key?)")
+            problems.append(f"column {name} has {bad[0][1]!r} in row {bad[0][0]}, not a number (make it a key?)")
         elif cells[name].map(number).isna().all():
             problems.append(f"column {name} is NaN in every row")
     return problems
 
 
 def _copy_form(copy: pd.DataFrame, path: str | Path, figure: Figure) -> list[str]:
-    """Mistakes in a stored copy itself: wrong columns, text for numbers, or rows removed by hand."""
+    """List mistakes in a stored copy itself: wrong columns, text instead of numbers, or rows removed by hand."""
     wanted = [ROW, *_columns(figure)]
     if sorted(copy.columns) != sorted(wanted):
         mistake = f"has the columns {', '.join(copy.columns)} instead of {', '.join(wanted)}"
     elif any(_number(cell) is None for name in figure.number_columns for cell in copy[name]):
-        mistake = "holds text where a number is wanted"
+        mistake = "contains text instead of a number"
     else:
         positions = [int(cell) if cell.isdecimal() else -1 for cell in copy[ROW]]
         if positions and positions == kept_rows(positions[-1] + 1, figure.most_rows):
@@ -215,7 +215,7 @@ def _compare_numbers(ours: pd.Series, stored: pd.Series, tolerance: Tolerance) -
     bad = np.flatnonzero(~np.isclose(a, b, rtol=tolerance.rel, atol=tolerance.abs, equal_nan=True))
     if not len(bad):
         return ""
-    with np.errstate(invalid="ignore"):  # an infinity or NaN differs most
+    with np.errstate(invalid="ignore"):  # infinity and NaN count as the largest difference
         allowed = tolerance.abs + tolerance.rel * np.abs(b)
         excess = np.nan_to_num(np.abs(a - b) - allowed, nan=np.inf)
     worst = bad[np.argmax(excess[bad])]

@@ -1,6 +1,6 @@
-"""Strict reading of YAML; one error lists every mistake.
+"""Strict reading of YAML, with one error that lists every mistake.
 
-YAML is validated by a pydantic model.  Each mistake is listed with its line and place; list entries are named by
+YAML is validated by a pydantic model.  Each mistake is listed with its line and place; list entries are identified by
 their `id` if they have one.
 """
 
@@ -20,14 +20,14 @@ SHOWN = 100  # mistakes listed in full
 
 def _not_a_flag(value: Any) -> Any:
     if isinstance(value, bool):
-        raise ValueError("a number is wanted here, not true or false")
+        raise ValueError("expected a number, not true or false")
     return value
 
 
 def _inside_results(value: str) -> str:
     path = PurePosixPath(value)
     if path.is_absolute() or ".." in path.parts or "\\" in value or path.suffix != ".csv":
-        raise ValueError("a .csv file below the results folder is wanted, e.g. chapter3/table_3_1.csv")
+        raise ValueError("expected a .csv file below the results folder, e.g. chapter3/table_3_1.csv")
     return value
 
 
@@ -42,9 +42,9 @@ Model = TypeVar("Model", bound=BaseModel)
 
 
 def load_yaml(path: str | Path) -> Document:
-    """The content of a YAML file and the lines of its keys.
+    """Read the content of a YAML file and the lines of its keys.
 
-    UserError if the file is missing, is not plain YAML, or repeats a key (YAML would keep only the last).
+    UserError if the file is missing, is not plain YAML, or repeats a key (of which YAML would keep only the last).
     """
     document = read_yaml(path)
     document.refuse_repeated(path)
@@ -52,9 +52,9 @@ def load_yaml(path: str | Path) -> Document:
 
 
 def validate(model: type[Model], document: Document, path: str | Path) -> Model:
-    """The content of a document as an instance of `model`; UserError with a line for each mistake.
+    """Return the content of a document as an instance of `model`; UserError with a line for each mistake.
 
-    What aliases repeat is told once.
+    Mistakes that aliases repeat are listed once.
     """
     try:
         return model.model_validate(document.content)
@@ -69,7 +69,7 @@ def validate(model: type[Model], document: Document, path: str | Path) -> Model:
 
 
 def _sentence(mistake: Mistake, content: Any) -> str:
-    """A mistake as "line 17: claim x: check.tolerance is 0, but must be above 0"."""
+    """Describe a mistake, as in "line 17: claim x: check.tolerance is 0, but must be above 0"."""
     at, place = [f"line {mistake.line}"] * bool(mistake.line), mistake.place
     claim = content["claims"][place[1]] if place[:1] == ("claims",) and len(place) > 1 else None
     if isinstance(claim, dict) and "id" in claim:
@@ -80,14 +80,14 @@ def _sentence(mistake: Mistake, content: Any) -> str:
 
 
 def number(cell: str) -> float:
-    """The number in a cell; an empty cell is NaN, ValueError for anything else."""
+    """Return the number in a cell; an empty cell is NaN; ValueError for anything else."""
     return float(cell) if cell.strip() else math.nan
 
 
 def read_present(path: str | Path) -> dict[str, bool]:
-    """Whether this run had each dataset, from a file like {"planar_impact": {"present": true, ...}, ...}.
+    """Read whether this run had each dataset, from a file like {"planar_impact": {"present": true, ...}, ...}.
 
-    UserError if the file is missing or has another form.
+    UserError if the file is missing or has a wrong form.
     """
     content = read_json(path)
     if not all(isinstance(entry, dict) and isinstance(entry.get("present"), bool) for entry in content.values()):

@@ -1,17 +1,17 @@
-"""The result of a claim: its status, our value beside the published one; the table claims.csv, the page claims.html.
+"""Results of claims, with status, our value and the published value; the table claims.csv and the page claims.html.
 
-| status             | when                                                                                        |
+| status             | condition                                                                                   |
 |--------------------|---------------------------------------------------------------------------------------------|
 | `reproduced`       | the claim's check holds                                                                     |
-| `deviates`         | it does not hold; the result says by how much, and why if the ledger knows                  |
-| `data not present` | the run lacked a dataset that the claim needs: neutral                                      |
-| `not decided`      | noise hides the answer, in our data or (the claim says so) at this scale: shown, neutral    |
-| `error`            | nothing was compared, e.g. because a file is missing; `refuse_errors` lists all errors      |
+| `deviates`         | it does not hold; the result states by how much, and why if the ledger gives a reason       |
+| `data not present` | the run did not have a dataset that the claim needs: neutral                                |
+| `not decided`      | too much noise, in our data or (if the claim states it) at this scale: shown, neutral       |
+| `error`            | no comparison was possible, e.g. because a file is missing; `refuse_errors` lists all errors |
 
 difference = ours − published (threshold checks: ours − threshold); relative_difference = difference / abs(published
 or threshold).
 
-The page is readable without network or script, and prints in black and white.  Its script adds a search and filters.
+The page is readable without network or script, also in black and white.  Its script adds a search and filters.
 """
 
 import math
@@ -31,7 +31,7 @@ from thesis_lib.thesis.ledger.format import CUBE, Claim
 
 
 class ClaimStatus(StrEnum):
-    """Outcome of a claim (table in the module's head)."""
+    """Status of a claim (see the module's table)."""
 
     REPRODUCED = "reproduced"
     DEVIATES = "deviates"
@@ -42,10 +42,10 @@ class ClaimStatus(StrEnum):
 
 @dataclass(frozen=True)
 class Result:
-    """One claim and what this run found.
+    """A claim and its result in this run.
 
-    published, ours: as shown, '' if there is none.  std: our standard error.  Numbers are NaN where they have no
-    meaning.  finding: the measurement, or what went wrong, in words.
+    published, ours: as shown, '' if there is no value.  std: our standard error.  Numbers are NaN where they have no
+    meaning.  finding: the comparison, or the error, in words.
     """
 
     claim: Claim
@@ -59,7 +59,7 @@ class Result:
 
     @property
     def reason(self) -> str:
-        """Why the claim is not reproduced; '' if it is."""
+        """Reason why the claim is not reproduced; '' if it is."""
         if self.status is ClaimStatus.REPRODUCED:
             return ""
         if self.status is ClaimStatus.DEVIATES:
@@ -79,14 +79,14 @@ SIGNS = {
     ClaimStatus.ERROR: "!",
 }
 CLASSES = dict(zip(SIGNS, ("reproduced", "deviates", "no-data", "undecided", "error")))
-COLUMNS = (  # explained in foundation/columns.yaml
+COLUMNS = (  # defined in foundation/columns.yaml
     *("id", "chapter", "location", "statement", "published", "ours", "std", "unit"),
     *("difference", "relative_difference", "status", "reason", "tolerance", "weak"),
 )
 
 
 def refuse_errors(results: Sequence[Result]) -> None:
-    """Raise a UserError that lists the claims that could not be compared, and why."""
+    """Raise a UserError that lists the claims that could not be compared, with reasons, if there are any."""
     errors = [f"- {r.claim.id}: {r.finding}" for r in results if r.status is ClaimStatus.ERROR]
     if errors:
         count = "1 claim" if len(errors) == 1 else f"{len(errors)} claims"
@@ -94,7 +94,7 @@ def refuse_errors(results: Sequence[Result]) -> None:
 
 
 def to_table(results: Sequence[Result]) -> pd.DataFrame:
-    """The results as text cells (claims.csv)."""
+    """Table of the results as text cells (claims.csv)."""
 
     def exact(value: float) -> str:
         return "" if math.isnan(value) else FLOAT_FORMAT % value
@@ -112,12 +112,12 @@ def to_table(results: Sequence[Result]) -> pd.DataFrame:
 
 
 def count_statuses(results: Sequence[Result]) -> dict[ClaimStatus, int]:
-    """How many results have each status."""
+    """Count the results of each status."""
     return {status: sum(r.status is status for r in results) for status in ClaimStatus}
 
 
 def summary_line(results: Sequence[Result]) -> str:
-    """The number of claims, how many have each status, and how many agree where a wrong result could."""
+    """Sentence with the number of claims, of each status, and of claims whose agreement is weak evidence."""
     counts = count_statuses(results)
     parts = [
         f"{counts[ClaimStatus.REPRODUCED]} reproduced",
@@ -137,7 +137,7 @@ def summary_line(results: Sequence[Result]) -> str:
 
 
 def decided_line(results: Sequence[Result]) -> str:
-    """How many statements of the thesis these results can decide, and how many they cannot, and why not."""
+    """Sentence with the numbers of the thesis's statements that these results decide and leave open, with reasons."""
     ours = [r for r in results if r.claim.chapter != CUBE]
     counts = count_statuses(ours)
     weak = sum(r.status is ClaimStatus.REPRODUCED and r.claim.weak is not None for r in ours)
@@ -154,9 +154,9 @@ def decided_line(results: Sequence[Result]) -> str:
 
 
 def render_page(results: Sequence[Result], scale: str = "") -> str:
-    """The ledger as one self-contained HTML page; `scale` is shown if given.
+    """Render the ledger as one self-contained HTML page; `scale` is shown if given.
 
-    By chapter, and in the ledger's order but for claims with which a wrong result could agree: these come last.
+    Claims are in the ledger's order by chapter, except that claims whose agreement is weak evidence come last.
     """
     chapters = []
     for chapter in sorted({result.claim.chapter for result in results}):
@@ -186,7 +186,7 @@ def write_page(results: Sequence[Result], path: str | Path, scale: str = "") -> 
 
 
 def _cells(result: Result) -> dict:
-    """The row of a claim: numbers with units, their difference, and the reason."""
+    """Row of a claim: numbers with units, their difference, and the reason."""
     claim = result.claim
     unit = "" if claim.unit == "1" else f" {claim.unit}"
     numeric = result.difference == result.difference  # NaN if the claim is not a number
@@ -212,7 +212,7 @@ def _cells(result: Result) -> dict:
 
 
 def _difference(result: Result, unit: str) -> str:
-    """By how much a number differs, as its check compares: a share only of a relative tolerance, or of a deviation."""
+    """Difference of a number, as its check compares; in per cent only for a relative tolerance or a deviation."""
     check, difference = result.claim.check, result.difference
     if isinstance(check, Threshold):
         return f"{_shown(abs(difference))}{unit} {'above' if difference > 0.0 else 'below'} {check.threshold:g}{unit}"
@@ -224,7 +224,7 @@ def _difference(result: Result, unit: str) -> str:
 
 
 def _shown(value: float, digits: int = 3) -> str:
-    """As short as it can be, but without an exponent that a reader would have to work out."""
+    """Number with few digits, and without an exponent that is hard to read."""
     text = f"{value:.{digits}g}"
     return number(value, digits) if "e" in text else text.translate(MINUS)
 

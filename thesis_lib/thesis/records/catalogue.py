@@ -1,4 +1,4 @@
-"""All records, found in this folder: chapter2.yaml has those of a chapter, chapter2.py what their findings compute."""
+"""All records in this folder: chapter2.yaml has the records of a chapter, chapter2.py the functions they use."""
 
 import functools
 import os
@@ -15,7 +15,7 @@ FOLDER = Path(__file__).parent
 
 @functools.cache
 def records() -> dict[str, Record]:
-    """Records by name, in the order of the thesis; those without a number come last in their chapter.
+    """All records by name, in the order of the thesis; records without a number come last in their chapter.
 
     Raises:
         ValueError: two records have the same name.
@@ -31,7 +31,7 @@ def records() -> dict[str, Record]:
 
 @functools.cache
 def openings() -> dict[int, tuple[str, ...]]:
-    """Names of the records with which each chapter opens in the report of a run; the first is the figure shown."""
+    """Names of the records that open each chapter in the report of a run; the first is the figure shown."""
     from thesis_lib.foundation.yaml_file import read_yaml  # late, as below
 
     opens = [read_yaml(path).content["opens"] for path in sorted(FOLDER.glob("chapter*.yaml"))]
@@ -39,7 +39,7 @@ def openings() -> dict[int, tuple[str, ...]]:
 
 
 def _read(path: Path, computing: ModuleType) -> Iterator[Record]:
-    """The records of a file, whose findings know what a module computes."""
+    """Read the records of a file; their findings can use the names of the module `computing`."""
     from thesis_lib.foundation.yaml_file import read_yaml  # late: the command line lists its options without it
 
     document = read_yaml(path)
@@ -59,12 +59,12 @@ def _read(path: Path, computing: ModuleType) -> Iterator[Record]:
 
 
 def figures() -> list[Figure]:
-    """The records of figures, in the same order."""
+    """Return the records of figures, in the same order."""
     return [record for record in records().values() if isinstance(record, Figure)]
 
 
 def write_findings(files: Iterable[str]) -> None:
-    """Write the finding of each figure or table, e.g. of figure_4_6.png to figure_4_6.txt beside it."""
+    """Write the finding of each figure or table to a text file, e.g. of figure_4_6.png to figure_4_6.txt."""
     from thesis_lib.foundation.files import write_text  # late: loads pandas, not needed to list figures
 
     for file in map(Path, files):
@@ -72,6 +72,6 @@ def write_findings(files: Iterable[str]) -> None:
 
 
 def tables_read(files: Iterable[str]) -> list[str]:
-    """The tables from which `write_findings` computes the findings in `files`."""
+    """List the tables from which `write_findings` computes the findings in `files`."""
     tables = (path.parent / table for path in map(Path, files) for table in records()[path.stem].reads)
     return list(dict.fromkeys(map(os.path.normpath, tables)))  # Snakemake finds no rule for a/../b

@@ -1,4 +1,4 @@
-"""Computed parts of chapter 2's findings: motions of mechanisms, m/I, contact forces."""
+"""Functions for the findings of chapter 2: motions of mechanisms, m/I, contact forces."""
 
 from thesis_lib.statistics.wording import ends, interval, listed, number, percent, side, times
 from thesis_lib.thesis.records.rows import DataFrame, Series, row_of
@@ -15,7 +15,7 @@ THESIS_FORCES = 0.2  # section 2.4: contact forces of arm and disk are estimated
 
 
 def landing(figure: DataFrame, end: str) -> str:
-    """When an end of the rod meets the ground, what it does there first, and for how long (figure 2-2)."""
+    """Sentence on the landing of an end of the rod: instant, first mode of contact, and its duration (figure 2-2)."""
     steps = figure[(figure["panel"] == "modes") & (figure["series"] == end)].sort_values("t")
     mode, t = steps["mode"].to_numpy(), steps["t"].to_numpy()
     touching = (mode != "open").nonzero()[0]
@@ -37,7 +37,7 @@ def travelled(figure: DataFrame, friction: str) -> float:
 
 
 def against_bound(table: DataFrame) -> tuple[Series, int, int]:
-    """Errors of m/I over the Cramér-Rao bound by arcs, and how many of them lie above it and below."""
+    """Errors of m/I by arcs over the Cramér-Rao bound, and the numbers of them significantly above and below 1."""
     arcs = table.loc[table["method"] == "arcs", "error_over_bound"]
     share = (2.0 * table["n"]) ** -0.5  # standard error of the root mean square of n normal errors, relative
     low, high = ends(arcs, arcs * share[arcs.index])
@@ -45,21 +45,21 @@ def against_bound(table: DataFrame) -> tuple[Series, int, int]:
 
 
 def span(values: Series) -> str:
-    """Least and largest of some values."""
+    """Range of values, as text."""
     return f"{number(float(values.min()), digits=2)} to {number(float(values.max()), digits=2)}"
 
 
 def biased(table: DataFrame, method: str) -> str:
-    """In how many of its cases a method has a bias that differs significantly from zero."""
+    """Number of cases, of all, in which the bias of a method differs significantly from zero, as text."""
     low, high = ends(table["mean_error"], table["mean_error_std"])
     sure = ((low > 0.0) | (high < 0.0))[table["method"] == method]
     return f"{sure.sum()} of {len(sure)}"
 
 
 def against_header(dataset: str, rows: DataFrame) -> str:
-    """m/I of a dataset under the hypotheses that matter, against the dataset's header."""
+    """Sentence that compares m/I of a dataset, under the relevant hypotheses, with the value in its header."""
     header = float(rows["published"].iloc[0])
-    # a dataset has one of these two misfits of the residuals
+    # each dataset has one of these two measures of misfit
     rows = rows.assign(misfit=rows["scale"].fillna(rows["velocity_noise"])).sort_values("misfit")
     best = row_of(rows, dataset=dataset)
     parts, holding = [], []
@@ -79,7 +79,7 @@ def against_header(dataset: str, rows: DataFrame) -> str:
 
 
 def absent(table: DataFrame) -> list[str]:
-    """Datasets without any estimate, as this run does not have them."""
+    """Datasets without any estimate, because they are not available in this run."""
     there = table.loc[table["ratio"].notna(), "dataset"]
     return list(dict.fromkeys(table.loc[~table["dataset"].isin(there), "dataset"]))
 
@@ -95,11 +95,11 @@ def rolling_forces(figure: DataFrame) -> tuple[float, float, float]:
 
 
 def relative_rms(estimate: Series, truth: Series) -> float:
-    """Root mean square error of estimates over that of the truth."""
+    """Root mean square error of estimates over the root mean square of the truth."""
     return float((((estimate - truth) ** 2).sum() / (truth**2).sum()) ** 0.5)
 
 
 def against_thesis(errors: list[float]) -> str:
-    """Whether relative errors of contact forces are within the thesis's error."""
+    """Phrase that states whether relative errors of contact forces are within the thesis's error."""
     word = "within" if max(errors) <= THESIS_FORCES else "beyond" if min(errors) > THESIS_FORCES else "partly within"
     return f"{word} the thesis's {percent(THESIS_FORCES)}"

@@ -1,4 +1,4 @@
-"""Computed parts of chapter 3's findings, and the laws and limits that they name."""
+"""Functions for the findings of chapter 3, and the laws and limits that they name."""
 
 from thesis_lib.statistics.wording import ends, estimate, side
 from thesis_lib.thesis.records.rows import PUBLISHED, DataFrame, Series
@@ -8,7 +8,7 @@ CONVERGED = 100  # section 3.4: the parameters have converged from "about" this 
 NEAR = 1.5  # more than this many times CONVERGED is no longer "about" it
 INCLINED_PLANE = 0.3  # μ of PLA on aluminium, section 3.4
 STUDIED = "anitescu_potra_newton"  # the law of figures 3-10 and 3-11
-MU_ZERO = 1e-3  # below it an individual μ counts as zero, as in statements.csv
+MU_ZERO = 1e-3  # an individual μ below this counts as zero, as in statements.csv
 VISCOUS = "mirtich"  # its published μ, in s/m, is not a coefficient of friction
 MAPPED = "anitescu_potra_poisson"  # the law of figure 3-9
 
@@ -23,7 +23,7 @@ def variants(coverage: DataFrame) -> tuple[Series, Series]:
 
 
 def left_over_right(figure: DataFrame) -> tuple[float, float] | None:
-    """Mean error left of zero tangential momentum over that on the right, and its standard error; None if one lacks."""
+    """Ratio of mean errors left and right of zero tangential momentum, with standard error; None if a side has < 2."""
     impacts = figure[figure["series"] == "impact"]
     sides = [impacts.loc[impacts["momentum_t"] * sign > 0, "error"] for sign in (-1, 1)]
     if min(map(len, sides)) < 2:
@@ -35,6 +35,6 @@ def left_over_right(figure: DataFrame) -> tuple[float, float] | None:
 
 
 def ratio(value: float, std: float, other: str) -> str:
-    """A ratio with its interval, and whether it differs significantly from 1."""
+    """Phrase with a ratio, its interval, and whether it differs significantly from 1."""
     doubt = side(*ends(value, std), 1.0, ("", ", not significantly different", ""))
     return f"{estimate(value, std)} times that {other}{doubt}"

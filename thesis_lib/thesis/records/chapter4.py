@@ -1,4 +1,4 @@
-"""Computed parts of chapter 4's findings, and the names of learners and of models thrown."""
+"""Functions for the findings of chapter 4, and names of learners and of models of throws."""
 
 import math
 
@@ -17,7 +17,7 @@ OVER_BOUND = {  # of learning_ratios.csv
     "residual_rigid_over_irb": "residual_rigid",
     "residual_wrench_over_irb": "residual_wrench",
 }
-SURE = 2.0  # standard errors over splits that count as a difference
+SURE = 2.0  # number of standard errors over splits above which a difference counts
 THROWERS = {  # as in the legend of figure 4-8
     "law": "law alone",
     "residual": "law + rigid residual",
@@ -30,17 +30,17 @@ SHOWN_LEVEL = 0.8
 FEWEST = 3  # points for a slope with an interval
 # thesis, figure 4-8: mean and standard deviation of the error at rest; section 4.4: share of right sides
 PUBLISHED = {"law": (-0.97, 4.44, 0.23), "residual_wrench": (0.83, 1.83, 0.43)}
-BELIEVED = "compliant_residual"  # the model whose beliefs figures 4-4 and 4-10 draw
+BELIEVED = "compliant_residual"  # the model whose predictive distributions figures 4-4 and 4-10 show
 
 
 def below_bound(errors: DataFrame) -> float:
-    """Share of impacts whose error by wrench, X1 is below their IRB Bound; those that it could not solve are not."""
+    """Share of impacts whose error by wrench, X1 is below their IRB bound; unsolved impacts count as not below."""
     by_impact = errors.pivot(index=["trial", "impact"], columns="model", values="error")
     return float((by_impact["wrench_x1"] < by_impact["irb_bound"]).mean())
 
 
 def with_error(row: Row) -> str:
-    """1.041 ± 0.001: to the first digit of the standard error; without it for a single split."""
+    """Value ± standard error, as in 1.041 ± 0.001, to the error's first digit; value alone for a single split."""
     value, std = row["value"], row["std"]
     if not std > 0.0:
         return number(value)
@@ -49,12 +49,12 @@ def with_error(row: Row) -> str:
 
 
 def against_one(row: Row, words: tuple[str, str, str]) -> str:
-    """The word for a ratio with a standard error below, about or above 1."""
+    """Word for a ratio that is below, about or above 1, given its standard error."""
     return side(row["value"] - SURE * row["std"], row["value"] + SURE * row["std"], 1.0, words)
 
 
 def as_stated(coverage: DataFrame) -> dict[str, list[str]]:
-    """Models with the share of ends inside their central region, by whether that is as many as stated (calibration)."""
+    """Models with the share of final positions in their central region, grouped by agreement with the stated share."""
     right, narrow, wide = "as many as stated, at the other levels too", "too few", "too many"
     uneven = "as many as stated, but not at every other level"
     groups: dict[str, list[str]] = {right: [], uneven: [], narrow: [], wide: []}
@@ -75,6 +75,6 @@ def slope(contacts: DataFrame, column: str) -> dict[str, float]:
 
 
 def share_below(belief: DataFrame) -> float:
-    """Share of a belief over the resting position that lies below the measured end."""
+    """Share of the predictive distribution of the resting position that lies below the measured position."""
     below = belief["distance"] <= belief["measured"].iloc[0]
     return float(belief.loc[below, "density"].sum() / belief["density"].sum())

@@ -1,4 +1,4 @@
-"""Computed parts of chapter 5's findings, and the names of policies and effects."""
+"""Functions for the findings of chapter 5, and the names of policies and effects."""
 
 import math
 from collections.abc import Sequence
@@ -31,19 +31,19 @@ CHANCE = 0.5  # balanced accuracy of a guess
 
 
 def known(row: Row, of: float) -> str:
-    """Where a row's interval lies relative to a value; a single tower has no interval."""
+    """Word for the position of a row's interval relative to a value; a single tower has no interval."""
     return "too few to compare with" if math.isnan(row["low"]) else lies(row, of)
 
 
 def policy(name: str, sizes: Sequence[float]) -> str:
-    """A policy's title, with its numbers of samples if there are any."""
+    """Title of a policy, with its numbers of samples if it has any."""
     title = POLICIES.get(name, name.replace("_", " "))
     learned = [f"{size:,.0f}" for size in sorted(sizes) if size]
     return f"{title} with {' to '.join(dict.fromkeys([learned[0], learned[-1]]))} samples" if learned else title
 
 
 def against_robot(success: DataFrame) -> str:
-    """How many of the real robot's shares lie outside our intervals, and over all blocks which (figure 5-6)."""
+    """Sentence on the real robot's shares outside our intervals: how many, and which over all blocks (figure 5-6)."""
     tried = success[(success["attempts"] > 0) & success["published"].notna()]
     words = ("ours is lower for", "", "ours is higher for")
     sides = tried.assign(word=[lies(row, row["published"], words) for _, row in tried.iterrows()])
@@ -57,7 +57,7 @@ def against_robot(success: DataFrame) -> str:
 
 
 def beaten(comparisons: DataFrame, size: float) -> list[str]:
-    """Policies than which HMA with `size` samples extracts more or fewer blocks, or indistinguishably many."""
+    """Phrases that compare the extracted blocks of HMA with `size` samples with those of each other policy."""
     words = ("fewer blocks than", "a number indistinguishable from that of", "more blocks than")
     judged = comparisons.assign(word=[lies(row, 0.0, words) for _, row in comparisons.iterrows()])
     parts = []
@@ -74,7 +74,7 @@ def beaten(comparisons: DataFrame, size: float) -> list[str]:
 
 
 def settled(beliefs: DataFrame, case: str) -> str:
-    """The abstractions on which the belief settles along the push of a case, and from which step on."""
+    """Sentence with the abstractions on which the belief settles during the push of a case, and their steps."""
     beliefs = beliefs[beliefs["case"] == case]
     leads = beliefs.loc[beliefs.groupby("step")["belief"].idxmax()].sort_values("step")
     leads = leads[leads["belief"] > SURE]
@@ -87,11 +87,11 @@ def settled(beliefs: DataFrame, case: str) -> str:
 
 
 def effect_name(effect: str) -> str:
-    """An effect of the tower in words."""
+    """Name of an effect of the tower in words."""
     return EFFECTS.get(effect) or effect.replace("_", " ")
 
 
 def by_check(summary: DataFrame, new: int) -> list[str]:
-    """Effects with p-values for which the predictive check asks for a new abstraction (1) or does not (0)."""
+    """Effects, with p-values, for which the predictive check requires a new abstraction (1) or does not (0)."""
     rows = summary[summary["new_abstraction"] == new].to_dict("records")
     return [f"{effect_name(row['effect'])} (p = {number(row['p_value'], digits=2)})" for row in rows]

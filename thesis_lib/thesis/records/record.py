@@ -1,14 +1,14 @@
-"""A record: title, caption, finding and stored-copy rules of one figure or table, apart from its drawing.
+"""A record: title, caption, finding and rules of the stored copy of one figure or table, separate from its drawing.
 
-Rules take the files from it; `results/report.html`, Snakemake's report and `python -m thesis_lib figures` its caption;
-`claims check` its tolerances; results/columns.csv its columns.  It is separate from the drawing function because a job
+Rules use its file names; `results/report.html`, Snakemake's report and `thesis-lib figures` its caption;
+`claims check` its tolerances; results/columns.csv its columns.  It is separate from the drawing function, because a job
 runs again when its code changes: a new caption must not redraw a figure.
 
-A caption says what is drawn and what to look for, in Jinja and reStructuredText with the variable `dataset`.  The
-finding, one to three sentences, is a Jinja template too, filled from tables of the run, so that it holds for every
-scale, seed and dataset; a rule writes it beside the picture (figure_4_6.png, figure_4_6.txt).  Words that judge
-("above", "within") follow from the numbers.  A template knows the tables in `reads` by their names, what `rows` and
-`statistics.wording` offer, and what the module of its chapter computes.
+A caption describes the picture and its main features, in Jinja and reStructuredText with the variable `dataset`.  The
+finding, one to three sentences, is also a Jinja template, filled from tables of the run, so it holds for every
+scale, seed and dataset; a rule writes it beside the picture (figure_4_6.png, figure_4_6.txt).  Comparing words
+("above", "within") follow from the numbers.  A template can use the tables in `reads` by name, the functions of `rows`,
+of `statistics.wording`, and of the module of its chapter.
 """
 
 import functools
@@ -31,12 +31,12 @@ LONGEST = 10_000  # bytes of a finding
 
 @dataclass(frozen=True)
 class Job:
-    """The rule that makes a figure or table.
+    """The Snakemake rule that makes a figure or table.
 
     Attributes:
         rule: its name.
         folder: folder of the files below results; `{dataset}` is replaced by each dataset.
-        datasets: those that come with the project and have these files; empty if the folder names no dataset.
+        datasets: datasets of the project that have these files; empty if the folder names no dataset.
         group: heading in Snakemake's report; by default the dataset.
     """
 
@@ -48,7 +48,7 @@ class Job:
 
 @dataclass(frozen=True)
 class Tolerance:
-    """How far a number may move from its stored copy, abs(ours − stored) ≤ abs + rel · abs(stored), and why."""
+    """Allowed deviation of a number from its stored copy, abs(ours − stored) ≤ abs + rel · abs(stored), with reason."""
 
     reason: str
     abs: float = 0.0
@@ -57,8 +57,8 @@ class Tolerance:
 
 @functools.cache
 def sentences() -> "jinja2.Environment":
-    """The templates of findings: every function of `rows` and of `statistics.wording`, and as a filter."""
-    import jinja2  # late, as numpy in these: the command line lists its options without them
+    """Jinja environment of findings: functions of `rows` and `statistics.wording` (the latter also as filters)."""
+    import jinja2  # late, as numpy in the following: the command line lists its options without them
 
     from thesis_lib.statistics import wording
     from thesis_lib.thesis.records import rows
@@ -72,7 +72,7 @@ def sentences() -> "jinja2.Environment":
 
 
 def public(module: ModuleType) -> dict[str, Any]:
-    """Public names of a module, with their values."""
+    """Return the public names of a module, with their values."""
     return {name: value for name, value in vars(module).items() if not name.startswith("_")}
 
 
@@ -83,12 +83,12 @@ class Record:
     Attributes:
         name: the file's stem.
         job: the rule that makes it.
-        title: what it shows, in one line; the caption continues it.
-        caption: what is drawn and what to look for.
-        finding: template of sentences; empty if nothing is found.
-        known: what it knows beside the tables, by name.
+        title: one line, continued by the caption.
+        caption: description of the picture and of its main features.
+        finding: template of sentences; empty if there is none.
+        known: functions and values for the template, by name.
         reads: files in the same folder; those that end in .json are read as dictionaries.
-        suffix: of its file.
+        suffix: suffix of the file.
     """
 
     name: str
@@ -114,7 +114,7 @@ class Record:
 
     @property
     def label(self) -> str:
-        """Figure 3-8, Table 3.1, Named physics."""
+        """Label, as in Figure 3-8, Table 3.1, Named physics."""
         if self.short[0].isdigit():
             return f"Figure {self.short}"
         return re.sub(r"(\d) (\d)", r"\1.\2", self.short.replace("_", " ").capitalize())
@@ -136,13 +136,13 @@ class Record:
         return {name: self.file.replace("{dataset}", name) for name in self.job.datasets or ("",)}
 
     def said(self, *tables: Any) -> str:
-        """The finding from tables, or dictionaries, in the order of `reads`."""
+        """Return the finding, filled in from tables (or dictionaries) in the order of `reads`."""
         named = dict(zip((Path(name).stem for name in self.reads), tables, strict=True))
         text = sentences().from_string(self.finding).render({**self.known, **named})
         return re.sub(r"[ \n]+", " ", text).strip()  # no-break spaces stay
 
     def found(self, folder: Path) -> str:
-        """The finding, computed from the tables in `folder`.
+        """Return the finding, computed from the tables in `folder`.
 
         Raises:
             UserError: a table is missing, or lacks a column or row.
@@ -159,7 +159,7 @@ class Record:
             raise UserError(f"{names} lack {error}, from which the finding is read; run the pipeline again.") from error
 
     def markup(self) -> str:
-        """Heading, title and caption as reStructuredText, with the variable `dataset`."""
+        """Return heading, title and caption as reStructuredText, with the variable `dataset`."""
         numbered = self.label.startswith(("Figure ", "Table "))
         of = " of the thesis" if self.label.startswith("Figure ") else ""
         whose = " ({{ dataset }})" if "{dataset}" in self.job.folder else ""
@@ -167,7 +167,7 @@ class Record:
         return f"{heading}{self.title}. {self.caption}".strip()
 
     def text(self, dataset: str, results: Path | None = None) -> str:
-        """The same as plain text for one dataset; with the run's finding if it is in `results`."""
+        """Return the same as plain text for one dataset, with the finding of the run if it is in `results`."""
         import jinja2
 
         text = jinja2.Template(self.markup(), undefined=jinja2.StrictUndefined).render(dataset=dataset)
@@ -180,7 +180,7 @@ class Record:
         return "\n\n".join(paragraphs)
 
     def report_caption(self) -> str:
-        """The same as a template of Snakemake's report, including the finding."""
+        """Return the same as a template of Snakemake's report, including the finding."""
         folder = self.job.folder.replace("{dataset}", "{{ dataset }}")
         section = f"\n\n**{FOUND_HERE.strip()}**\n\n.. include:: results/{folder}/{self.name}.txt"
         head = "{% set dataset = snakemake.wildcards.dataset %}\n" if "{dataset}" in self.job.folder else ""
@@ -193,9 +193,9 @@ class Figure(Record):
 
     Attributes:
         keys: columns compared exactly, as text; separated by spaces.
-        tolerances: columns of numbers, separated by spaces, and how far they may move.
+        tolerances: columns of numbers, separated by spaces, with their tolerances.
         most_rows: the copy keeps at most this many rows, evenly spaced.
-        not_compared: why no copy is stored.
+        not_compared: reason why no copy is stored.
         columns: unit and meaning of the columns that only this figure has.
     """
 

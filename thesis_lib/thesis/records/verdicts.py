@@ -1,4 +1,4 @@
-"""How often the critique is right where the truth is known, and the words for statuses of claims."""
+"""Words for the share of correct verdicts of the critique where the truth is known, and for statuses of claims."""
 
 from thesis_lib.thesis.records.rows import DataFrame, Row, counted, share
 
@@ -13,7 +13,7 @@ OTHERS = {"data not present": "without the data", "not decided": "not decided at
 
 
 def shares_right(summary: DataFrame) -> str:
-    """Shares of hidden effects named right, of clean data found adequate, and of unknown causes left unexplained."""
+    """Sentences on shares of hidden effects identified, clean data found adequate, unknown causes left unexplained."""
     rows = {(row["figure"], row["source"]): row for _, row in summary.iterrows() if row["n"] > 0}
     sentences = []
     named = [f"{_right(rows[key])} {hidden}" for key, hidden in PROVEN.items() if key in rows]

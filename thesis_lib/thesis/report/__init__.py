@@ -1,1 +1,1 @@
-"""The page of a run, and a page for each chapter."""
+"""Reports of a run: the opening page, and a page for each chapter."""

@@ -1,7 +1,7 @@
-"""Pages of a run: results/report.html with what was found in short, and one a chapter with all of its figures.
+"""Pages of a run: results/report.html with the main findings, and a page for each chapter with all its figures.
 
-Pictures are embedded, so that a file can be sent, archived and printed, and needs no network.  Captions and findings
-are those of `python -m thesis_lib figures`; measured and simulated data never share a group.
+Pictures are embedded, so a page can be sent, archived and printed, and needs no network.  Captions and findings
+are the same as in `thesis-lib figures`; measured and simulated data are never in the same group.
 """
 
 import base64
@@ -27,7 +27,7 @@ CHAPTERS = {
     4: "learned contact models and their beliefs",
     5: "a robot plays Jenga",
 }
-DATASETS = {  # those that come with the project; any other is headed by its name
+DATASETS = {  # titles of the project's datasets; for any other, the title is its name
     "": "",
     "planar_impact": "planar_impact: measured impacts of an ellipse, as published",
     "planar_dice": "planar_dice: measured throws of a die, as published",
@@ -37,13 +37,13 @@ DATASETS = {  # those that come with the project; any other is headed by its nam
 }
 PNG_SIZE = struct.Struct(">16x2I")  # signature, length and name of the first chunk; then width and height
 LARGEST = 20_000_000  # bytes of a picture
-DENSITY = 180 / 96  # pixels of our pictures (savefig.dpi) to those of a page
+DENSITY = 180 / 96  # ratio of pixels of our pictures (savefig.dpi) and of a page
 
 
 def run_report(results: Path, findings: Sequence[Path], scale: str, absent: Sequence[str] = ()) -> str:
-    """The page that opens a run, as HTML, from the folder of a complete one: of each chapter its main findings.
+    """Render the opening page of a complete run, with the main findings of each chapter, as HTML.
 
-    `findings` are files with findings.  `absent`: datasets that this run did not have.
+    `results`: folder of the run.  `findings`: files with findings.  `absent`: datasets that this run did not have.
     """
     made = _made(results)
     numbers = sorted({figure.chapter for figure, _ in made} & set(CHAPTERS))
@@ -62,10 +62,10 @@ def run_report(results: Path, findings: Sequence[Path], scale: str, absent: Sequ
 def chapter_report(
     results: Path, findings: Sequence[Path], scale: str, absent: Sequence[str] = (), *, chapter: int
 ) -> str:
-    """The page of a chapter with all of its figures; it is there before the other chapters have ended.
+    """Render the page of a chapter with all its figures; it can be made before other chapters are complete.
 
-    `findings` are those of the chapter, the other arguments as of `run_report`.  Figures without a picture in `results`
-    are left out, and the table beside a finding that has none is listed, too.
+    `findings` are from this chapter; other arguments as in `run_report`.  Figures without a picture in `results`
+    are left out; tables with a finding but without a picture are listed as well.
     """
     made = [(figure, name) for figure, name in _made(results) if figure.chapter == chapter]
     tables = [path for path in findings if not path.with_suffix(".png").exists() and path.with_suffix(".csv").exists()]
@@ -79,12 +79,12 @@ def chapter_report(
 
 
 def _made(results: Path) -> list[tuple[Figure, str]]:
-    """Figures with a picture, and their dataset."""
+    """List the figures that have a picture, with their dataset."""
     return [(figure, name) for figure in figures() for name, file in figure.files.items() if (results / file).is_file()]
 
 
 def _opening(results: Path, made: Sequence[tuple[Figure, str]], findings: Sequence[Path], n: int) -> dict:
-    """A chapter in short: its main findings, of the first dataset that has each, and one picture."""
+    """Summary of a chapter: its main findings, each from the first dataset that has it, and one picture."""
     opening, places = [records()[name] for name in openings()[n]], dict.fromkeys(findings)
     said = []
     for record in opening:
@@ -111,7 +111,7 @@ def _title(n: int) -> str:
 def _groups(
     results: Path, made: Sequence[tuple[Figure, str]], tables: Sequence[Path]
 ) -> list[tuple[str, list[dict], list[dict]]]:
-    """Title, figures and tables of each dataset of a chapter."""
+    """Group a chapter by dataset: title, figures and tables of each."""
     of_table = {path: "".join(path.relative_to(results).parts[1:-1][:1]) for path in tables}
     return [
         (
@@ -151,7 +151,7 @@ def _critique(results: Path, path: Path) -> dict:
 
 
 def _paragraphs(name: str, text: str) -> list[str]:
-    """Paragraphs of a caption, headed by its name unless it begins with one."""
+    """Paragraphs of a caption, preceded by its name unless it begins with one."""
     named = text if text.startswith(("Figure", "Table")) else f"{name}. {text}"
     return named.split("\n\n")
 
@@ -161,7 +161,7 @@ def _finding(path: Path) -> str:
 
 
 def _image(file: Path, alt: str) -> Markup:
-    """An embedded PNG with its size, so that a page does not jump while it loads; CorruptFileError for other files."""
+    """Embed a PNG with its size, so that the page does not shift while loading; CorruptFileError for other files."""
     content = read_bytes(file, LARGEST)
     if not content.startswith(b"\x89PNG") or len(content) < PNG_SIZE.size:
         raise CorruptFileError(f"{file} is not a picture; delete it and run again.")

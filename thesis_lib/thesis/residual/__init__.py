@@ -1,1 +1,1 @@
-"""Residual contact learners: what named physics leaves unexplained, learned with calibrated uncertainty (chapter 4)."""
+"""Residual contact models: the part that named physics does not explain, learned with calibrated uncertainty."""

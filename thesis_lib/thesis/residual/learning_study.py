@@ -1,20 +1,20 @@
-"""Error of learned contact models against the number of training impacts (thesis, figures 4-5 and 4-6).
+"""Errors of learned contact models as functions of the number of training impacts (thesis, figures 4-5 and 4-6).
 
 Each random split holds out a share of the trials and orders the others at random.  Models train on the first n impacts
-in that order, for every size n, so training sets are nested and all models of a split see the same impacts.  Errors are
+in that order, for every size n, so training sets are nested and all models of a split use the same impacts.  Errors are
 √(δv_x² + δv_y² + (k δω)²) of held-out impacts.
 
-The second study measures what remains to be learned once the critique's physics is included.  The same learners are
-added to the plain law and to the critique's law with its effects, and tested on trials that the critique never used to
-choose.  Splits then differ in their training impacts only, and intervals come from the bootstrap over held-out trials.
+The second study measures how much remains to be learned once the critique's physics is included.  The same learners are
+added to the plain law and to the critique's law with its effects, and tested on trials that the critique did not use to
+choose.  Splits then differ only in their training impacts, and intervals are from a bootstrap over held-out trials.
 
 | in code       | unit | meaning                                                                                    |
 |---------------|------|--------------------------------------------------------------------------------------------|
 | `model`       |      | law, bound or learner, see `learners` and `NAMED`                                          |
 | `mean`        | m/s  | mean error over the held-out impacts of one split                                          |
 | `infeasible`  | 1    | share of predictions that penetrate or gain energy                                         |
-| `n_converged` | 1    | least n from which on the mean error stays within 5 % of that at the largest n             |
-| `n_learned`   | 1    | the same within 5 % of the fall from the smallest to the largest n                         |
+| `n_converged` | 1    | least n from which the mean error stays within 5 % of its value at the largest n           |
+| `n_learned`   | 1    | the same, within 5 % of the fall from the smallest to the largest n                        |
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -42,10 +42,10 @@ NAMED = ("law", "law_rigid", "law_wrench", "effects", "effects_rigid", "effects_
 def learning_curves(
     impacts: Impacts, settings: LearningStudySettings, rng: np.random.Generator
 ) -> tuple[pd.DataFrame, pd.DataFrame]:
-    """Errors of all laws, bounds and learners on random splits of impacts from `impact_study.study.select_impacts`.
+    """Compute errors of all laws, bounds and learners on random splits of the impacts (`study.select_impacts`).
 
     Returns curves, a row per model, n and split; and errors, a row per model and held-out impact of the first split, at
-    the size nearest to that of figure 4-5.  Raises ValueError if the smallest size exceeds a split's training impacts.
+    the size nearest to figure 4-5.  Raises ValueError if the smallest size exceeds a split's training impacts.
     """
     models: dict[str, ImpactLearner] = {name: LawLearner(LawBase(name)) for name in settings.laws}
     models |= learners(settings.base_law, settings.gaussian_process)
@@ -65,7 +65,7 @@ def learning_curves(
 
 
 def named_physics_models(law: str, model: SavedModel, settings: LearningStudySettings) -> dict[str, ImpactLearner]:
-    """The models of `NAMED`: a plain law and the critique's law with effects, each alone and with residuals."""
+    """Construct the models of `NAMED`: plain law and critique's law with effects, each alone and with residuals."""
     gp, plain, augmented = settings.gaussian_process, LawBase(law), AugmentedBase(model)
     models: dict[str, ImpactLearner] = {}
     for name, base in (("law", plain), ("effects", augmented)):
@@ -83,9 +83,9 @@ def named_physics(
     settings: LearningStudySettings,
     rng: np.random.Generator,
 ) -> tuple[pd.DataFrame, pd.DataFrame]:
-    """Named physics, then residual: errors on approaching impacts of the trials that the critique held out.
+    """Named physics, then residual: errors on approaching impacts of trials that the critique held out.
 
-    `held_out` (n,) marks impacts whose trials the critique never used to choose; `law` is its base law, `model` its
+    `held_out` (n,) marks impacts whose trials the critique did not use for choices; `law` is its base law, `model` its
     model.json.  The splits of `settings` are here draws of the training impacts.
 
     Returns curves, a row per model, n and draw; and rungs, a row per model at the size of figure 4-5 with mean error
@@ -93,7 +93,7 @@ def named_physics(
     under the effects.  Raises ValueError without training or held-out impacts.
     """
     if held_out.all() or not held_out.any():
-        raise ValueError("there must be impacts on both sides of the critique's held-out trials")
+        raise ValueError("the critique's held-out trials must contain some but not all of the impacts")
     test, pool = impacts.select(held_out), impacts.select(~held_out)
     models = named_physics_models(law, model, settings)
     sizes = _sizes(settings.sizes, len(pool))
@@ -125,7 +125,7 @@ def held_out_by(critique: pd.DataFrame, impacts: Impacts) -> np.ndarray:
 
 
 def curve_summary(curves: pd.DataFrame) -> pd.DataFrame:
-    """A row per model and n: mean over splits, its 95 % interval (Student's t), and mean rates."""
+    """Table per model and n: mean over splits, its 95 % interval (Student's t), and mean rates."""
     rows = []
     for (model, n), group in curves.groupby(["model", "n"], sort=False):
         mean, low, high = student_mean(group["mean"].to_numpy())
@@ -135,7 +135,7 @@ def curve_summary(curves: pd.DataFrame) -> pd.DataFrame:
 
 
 def convergence(curves: pd.DataFrame, within: float, rng: np.random.Generator) -> pd.DataFrame:
-    """Impacts after which the mean over splits stays within a share of that at the largest n, or of its fall.
+    """Number of impacts after which the mean over splits stays within a share of its final value, or of its fall.
 
     Returns model, n_converged and n_learned (module's table), each with the ends _low and _high of its 95 % interval by
     the bootstrap over splits.
@@ -167,25 +167,25 @@ CLAIMS = {
     "residual_rigid_over_rigid": ("residual_rigid", "rigid_x1"),  # class II over class I
     "residual_wrench_over_wrench": ("residual_wrench", "wrench_x1"),
 }
-# with the fewest training impacts: purely data-driven over reinforced by a law
+# with the fewest training impacts: purely data-driven models over models with a law
 OF_FEWEST = {
     "rigid_over_residual_few": ("rigid_x1", "residual_rigid"),
     "wrench_over_residual_few": ("wrench_x1", "residual_wrench"),
 }
-# what ten inputs cost in samples
+# cost of ten inputs, in samples
 OF_FEW = {"full_over_x1_few": CLAIMS["full_over_x1"]}
 OF_ALL = {
     "wrench_over_irb_most": CLAIMS["wrench_over_irb"],
     "residual_wrench_over_irb_most": CLAIMS["residual_wrench_over_irb"],
 }
-FEW = 100  # training impacts, from which rigid learners have converged (section 4.4)
+FEW = 100  # number of training impacts after which rigid learners have converged (section 4.4)
 
 
 def claim_ratios(curves: pd.DataFrame, base_law: str, density_size: int) -> pd.DataFrame:
-    """Ratios of mean errors at the size of figure 4-5, of `OF_FEW` near `FEW`, and of `OF_FEWEST` at the smallest size.
+    """Ratios of mean errors at the size of figure 4-5; of `OF_FEW` near `FEW`; of `OF_FEWEST` at the smallest size.
 
-    Those of `OF_ALL` are the largest over all sizes.  Statement, n, value, std (standard error); they are paired by
-    split.
+    For `OF_ALL`, the largest ratio over all sizes.  Columns: statement, n, value, std (standard error, paired by
+    split).
     """
     pairs = CLAIMS | {"law_over_wrench": (base_law, "wrench_x1")}
     sizes = np.sort(curves["n"].unique())
@@ -211,7 +211,7 @@ def _settled(sizes: np.ndarray, mean: np.ndarray, within: float, by_fall: bool) 
 
 
 def _split(impacts: Impacts, share: float, rng: np.random.Generator) -> tuple[Impacts, Impacts]:
-    """Training impacts, with their trials in random order, and held-out impacts."""
+    """Split into training impacts, with trials in random order, and held-out impacts."""
     held = split_trials(impacts.trial, share, rng)
     return _in_random_order(impacts.select(~held), rng), impacts.select(held)
 
@@ -224,7 +224,7 @@ def _in_random_order(impacts: Impacts, rng: np.random.Generator) -> Impacts:
 def _sizes(sizes: Sequence[int], available: int) -> list[int]:
     usable = [n for n in sorted(set(sizes)) if n <= available]
     if not usable:
-        raise ValueError(f"the smallest size is {min(sizes)}, but there are {available} training impacts")
+        raise ValueError(f"the smallest size is {min(sizes)}, but there are only {available} training impacts")
     return usable
 
 
@@ -235,12 +235,12 @@ def _nearest(sizes: Sequence[int], wanted: int) -> int:
 def _trained(
     models: Mapping[str, ImpactLearner], train: Impacts, test: Impacts, sizes: Sequence[int], seed: int, split: int
 ) -> Iterator[tuple[int, dict[str, tuple[np.ndarray, ImpactPrediction]]]]:
-    """Errors (n,) and predictions of all models for each size; each search starts from that of the previous size."""
+    """Yield errors (n,) and predictions of all models for each size; searches start from the previous size's result."""
     previous = dict.fromkeys(models)
     for n in sizes:
         subset, found = train.select(np.arange(n)), {}
         for name, learner in models.items():
-            # a stream per name, so that adding a model changes no other
+            # one random stream per name, so that adding a model does not change the others
             trained = learner.fit(subset, generator(seed, name, str(split), str(n)), previous[name])
             out = trained.predict(test)
             previous[name], found[name] = trained, (velocity_error(test.v_post - out.v_post, test.k_g), out)
@@ -255,7 +255,7 @@ def _row(name: str, n: int, split: int, error: np.ndarray, p: ImpactPrediction |
 
 
 def _bounds(of_laws: Mapping[str, np.ndarray], held_out: Impacts) -> dict[str, tuple[np.ndarray, None]]:
-    """Errors (n,) of `BOUNDS`, and no prediction."""
+    """Errors (n,) of `BOUNDS`, without predictions."""
     body = {"mass": held_out.mass, "k_g": held_out.k_g}
     best_of_laws = best_post_hoc(np.stack(list(of_laws.values()), axis=1))[1]
     irb = irb_bound(held_out.v_pre, held_out.v_post, held_out.r, **body).error

@@ -1,4 +1,4 @@
-"""Criticise one dataset: the same as `python -m thesis_lib critique`."""
+"""Criticise one dataset: the same as `thesis-lib critique`."""
 
 from pathlib import Path
 

@@ -1,1 +1,1 @@
-"""Questions to a finished critique of drops: where it fails, for which class of models, what to measure next."""
+"""Analyses of a finished critique of drops: where models fail, which classes of models fail, what to measure next."""

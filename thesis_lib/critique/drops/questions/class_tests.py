@@ -1,8 +1,8 @@
 """Tests of whole classes of models, before any candidate is tried.
 
-| test             | what every model of the class keeps                                                               |
+| test             | property of every model of the class                                                              |
 |------------------|---------------------------------------------------------------------------------------------------|
-| rigid_point      | τ = m (k² Δω − r_x Δv_y + r_y Δv_x) = 0: one impulse at the believed contact point; and α ≤ 1: no |
+| rigid_point      | τ = m (k² Δω − r_x Δv_y + r_y Δv_x) = 0: one impulse at the assumed contact point; and α ≤ 1: no  |
 |                  | gain of energy at the contact                                                                     |
 | momentum_balance | k² Δω = a r_x Δv_y − b r_y Δv_x with a = b = 1, for any contact law                               |
 | parity           | a mirrored throw gives the mirrored outcome: residuals δv_x and δω are odd, δv_y is even          |
@@ -32,7 +32,7 @@ Statistic = Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]  # v_pre,
 
 
 def class_tests(fitted: Fit, observations: Observations) -> dict:
-    """All four tests, by name, for the law `fitted` without effects; none in space."""
+    """Results of all four tests by name, for the law `fitted` without effects; empty in space."""
     tests = (rigid_point, momentum_balance, parity, homogeneity)
     if not observations.rig.has_angle:
         return {test.__name__: {"p_value": None, "why_not": "theta is not measured"} for test in tests}

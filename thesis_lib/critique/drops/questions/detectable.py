@@ -206,7 +206,7 @@ def _rise_std(before: np.ndarray, after: np.ndarray, channel: str) -> float:
 
 
 def _range(p: Parameter) -> float:
-    """Largest distance from the null; of an effect that is on or off, the only one."""
+    """Largest distance from the null; for an effect that is on or off, its only size."""
     return max(p.high - p.null, p.null - p.low) if p.discrete is None else abs(p.discrete - p.null)
 
 

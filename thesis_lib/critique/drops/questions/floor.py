@@ -1,14 +1,14 @@
-"""How far a model could still be improved, without any model: is what is left a function of the state before impact?
+"""Irreducible error (floor) of any model: how much of the remaining error depends on the state before impact?
 
-Two answers, of residuals e_i = (δv_x, δv_y, k δω) of n impacts of a fitted model.
+Two estimates, from the residuals e_i = (δv_x, δv_y, k δω) of a fitted model at n impacts.
 
-- *Learned*: a forest of extremely randomised trees (Geurts, Ernst and Wehenkel 2006) predicts e from all that is known
-  before the impact, on trials that it was not fitted to.  Whatever it removes is not noise.
-- *Pairs*: two impacts at nearly the same state have e_i − e_j = noise_i − noise_j, plus what the states still differ
-  by.  The mean of |e_i − e_j| / √2 over the nearest pairs bounds the error of a perfect model from above, closely if
-  the pairs are near.  The noise need not be known.
+- *Learned*: a forest of extremely randomised trees (Geurts, Ernst and Wehenkel 2006) predicts e from all data known
+  before the impact, on trials that it was not fitted to.  The part that it removes is not noise.
+- *Pairs*: two impacts at nearly the same state have e_i − e_j = noise_i − noise_j, plus an effect of the remaining
+  difference of the states.  The mean of |e_i − e_j| / √2 over the nearest pairs bounds the error of a perfect model
+  from above, closely if the pairs are near.  The noise need not be known.
 
-A residual learner that errs more than either is not at the floor.
+A residual learner with a larger error than either is not at the floor.
 
 Source of the forest: doi:10.1007/s10994-006-6226-1.
 """
@@ -33,9 +33,9 @@ DRAWS = 999
 
 @dataclass(frozen=True)
 class Floor:
-    """Mean errors in m/s: of the model, with what was learned of the rest, of the nearest pairs.
+    """Mean errors in m/s: of the model, of the model with the learned correction, of the nearest pairs.
 
-    `gain` is the fall of the error by what was learned, with its 95 % interval from a bootstrap over trials; `pairs` is
+    `gain` is the fall of the error by the correction, with its 95 % interval from a bootstrap over trials; `pairs` is
     None with fewer than `FEWEST` pairs.
     """
 
@@ -49,7 +49,7 @@ FEWEST = 10
 
 
 def floor(fitted: Fit, observations: Observations, rng: np.random.Generator) -> Floor:
-    """Both answers for the single hits of `observations`, best of trials that the model was not fitted to."""
+    """Both estimates from the single hits of `observations`, preferably trials that the model was not fitted to."""
     o = observations.single
     E = o.as_speeds(fitted.on(o).velocity_left)
     error, rest = velocity_error(E, 1.0), velocity_error(E - _learned(_state(fitted, o), E, o.trial, rng), 1.0)
@@ -65,7 +65,7 @@ def floor(fitted: Fit, observations: Observations, rng: np.random.Generator) -> 
 
 
 def _state(fitted: Fit, o: Observations) -> np.ndarray:
-    """All that is known before n impacts, (n, p)."""
+    """All data known before n impacts, (n, p)."""
     table = features(fitted, o)
     before = fitted.on(o).before
     gap = before.y + o.rig.shape.contact_point(before.theta)[:, 1]

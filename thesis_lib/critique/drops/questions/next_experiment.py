@@ -1,21 +1,21 @@
-"""Propose the next releases: states just before impact that would tell most.
+"""Propose the next releases: the most informative states just before impact.
 
 `shows` "difference": states at which two models differ most, even after their parameters are fitted to impacts there.
 They are the final model and its nearest rival: an alternative that these data cannot tell from a chosen effect, or else
-the unused candidate with the largest score test.  A rival that is refitted follows the other one as far as it can, so
-that a large difference of today's predictions may mean nothing.  With the whitened difference d_i of the velocities
-after impact in state i, slopes J_i of one model by its parameters, and its information I from the data at hand, impacts
-in the states A add, if the other model is true,
+the unused candidate with the largest score test.  A refitted rival follows the other model as far as it can, so a large
+difference of the present predictions may mean nothing.  With the whitened difference d_i of the velocities after impact
+in state i, slopes J_i of one model by its parameters, and its information I from the data at hand, impacts in the
+states A add, if the other model is true,
 
     min_δ ½ (Σ_A |d_i − J_i δ|² + δᵀ I δ)    nats to the difference of their log scores.
 
-States are chosen in turn, `REPEATS` impacts each, so that the sum of this over either model being true grows most (the
-T-optimum of Atkinson and Fedorov 1975, doi 10.1093/biomet/62.1.57).  Whitening is by the median covariance S of the
-final model's residual, scatter included.  What is told of a state is the |d_i − J_i δ| that is left, the smaller of
-both.  Effects that are on or off do not compete by score test: a first-order test says nothing about a step.
+States are chosen one by one, `REPEATS` impacts each; each adds most to the sum of this over either model being true
+(the T-optimum of Atkinson and Fedorov 1975, doi 10.1093/biomet/62.1.57).  Whitening is by the median covariance S of
+the final model's residual, scatter included.  The size reported for a state is the remaining |d_i − J_i δ|, the smaller
+of the two.  Effects that are on or off are not ranked by score test: a first-order test does not hold for a step.
 
-`shows` "misfit": something remains that no effect explains.  States around which the final model's own root mean square
-misfit is largest, in units of noise.
+`shows` "misfit": an error remains that no effect explains.  The states are those around which the final model's root
+mean square misfit is largest, in units of noise.
 
 Proposed states lie within `REACH` times the range of the states before the first impacts of the measured trials.
 """
@@ -39,7 +39,7 @@ DRAWS = 400
 REACH = 1.3  # range of proposed states over that of measured ones
 FEWEST, MOST = 3, 5
 APART = 0.35  # least distance of two states in four dimensions, in widths of the ranges
-LITTLE = 1e-6  # information on a parameter that the data do not show, per square of its step
+LITTLE = 1e-6  # information on a parameter that the data do not determine, per square of its step
 REPEATS = 4  # impacts in each state for which states are chosen
 CLEAR = 3.0  # least difference in standard deviations
 TOO_MANY = 10.0  # times the impacts at hand: more repeats are not proposed
@@ -47,8 +47,8 @@ WORTHWHILE = 0.5  # least difference of a further state, over the largest
 CLIP = 10.0  # times the median misfit: limits the weight of a wild impact
 NEIGHBOURS = 10  # measured impacts around a state over which misfits are averaged
 OF_STATE = ("vx", "vy", "omega", "theta")
-PLACED = (*OF_STATE, "x")  # of a state, where it matters where the body lands
-CHECKS = {  # what shows a fault of the measurement without an impact
+PLACED = (*OF_STATE, "x")  # of a state, if the place of the impact matters
+CHECKS = {  # how to find a fault of the measurement without an impact
     "sensor_drift": "Film a mark that is fixed beside the surface: in the picture it moves only if the camera drifts.",
     "length_scale": "Film a ruler in the plane of motion.",
     "mirrored_rotation": "Turn the body counter-clockwise by hand and look at the sign of its angle.",
@@ -61,7 +61,7 @@ CHECKS = {  # what shows a fault of the measurement without an impact
 def next_experiment(critique: DropsCritique, rng: np.random.Generator) -> dict:
     """Keys `why`, `states` (vx, vy in m/s, omega in rad/s, theta in rad), and `shows` and `sigmas` of the states.
 
-    Where a candidate depends on the place of the impact, states also have x in m.
+    If a candidate depends on the place of the impact, states also have x in m.
     """
     if not critique.space.is_plane:
         return _nothing("The next experiment is proposed for motions in a plane only.")
@@ -69,7 +69,7 @@ def next_experiment(critique: DropsCritique, rng: np.random.Generator) -> dict:
         return _unexplained(critique, rng)
     final = critique.ladder[-1][1]
     if critique.observations.rig.walls:
-        return _nothing("Between walls no states are proposed: hit each of them slowly and fast, straight and askew.")
+        return _nothing("Between walls no states are proposed: hit each wall slowly and fast, squarely and obliquely.")
     first_try: dict = {}
     for step in critique.discovery.steps:
         for name in step.alternatives[:NAMED] if step.clears else ():
@@ -93,7 +93,7 @@ def next_experiment(critique: DropsCritique, rng: np.random.Generator) -> dict:
 
 
 def tell_apart(critique: DropsCritique, final: Fit, chosen: Effect, other: Effect, rng: np.random.Generator) -> dict:
-    """States at which the chosen effect of the model `final` and another one differ most, as `next_experiment`."""
+    """States at which the `chosen` effect of the model `final` and another differ most, as from `next_experiment`."""
     kept_effects = tuple(effect for effect in final.effects if effect.name != chosen.name)
     model = replace(final.model, effects=(*kept_effects, other))
     kept = {k: v for k, v in final.values.items() if k in model.parameters}
@@ -157,7 +157,7 @@ def _unexplained(critique: DropsCritique, rng: np.random.Generator) -> dict:
     nearby = np.sqrt(np.mean(misfit[near] ** 2, axis=1))
     rows = _pick(drawn, nearby)
     when = set(critique.remaining.depends_on) & {"trial", "t"} if critique.is_learnable else set()
-    repeat = "Repeat one of them from the first trial to the last, too: what is left depends on when it was measured."
+    repeat = "Repeat one of them from the first trial to the last, too: the remaining error depends on the time."
     why = (
         f"{why} The misfit is largest around these states before impact, up to {nearby[rows[0]]:.2g} times what noise "
         "would give: measure each several times, to see what repeats." + f" {repeat}" * bool(when)
@@ -180,7 +180,7 @@ def _misfits(critique: DropsCritique, final: Fit, channels: tuple[str, ...]) -> 
 
 @dataclass(frozen=True)
 class _Refit:
-    """Differences that a refit could follow: whitened d (n, 3) in n states, slopes J (n, 3, p), information (p, p)."""
+    """Data of a refit to differences: whitened d (n, 3) in n states, slopes J (n, 3, p), information (p, p)."""
 
     d: np.ndarray
     J: np.ndarray
@@ -257,7 +257,7 @@ def _slopes(fitted: Fit, state: State, rig: Rig) -> tuple[np.ndarray, np.ndarray
 
 
 def _design(states: np.ndarray, refits: Sequence[_Refit]) -> tuple[np.ndarray, np.ndarray]:
-    """Rows of the states to measure (k,), and what they tell in standard deviations (k,), the largest first."""
+    """Rows of the states to measure (k,), and remaining differences in standard deviations (k,), largest first."""
     width = np.ptp(states, axis=0) if len(states) else np.ones(states.shape[1])
     unit = states / np.where(width > 0, width, 1.0)
     chosen: list[int] = []

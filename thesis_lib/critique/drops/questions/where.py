@@ -1,9 +1,9 @@
-"""Find where a model fails: short rules over the state before impact, with p-values for all rules tried.
+"""Find where a model fails: short rules over the state before impact, with p-values that count all rules tried.
 
     z_i = e_i / √(trace of the kinetic covariance of e_i)
 
-is the error of impact i over that predicted by noise and mean scatter, so that a region of large noise does not pass
-for one of failure.  A rule is one interval of one feature, or two.  Its score is the rank sum of z inside against
+is the error of impact i over that predicted by noise and mean scatter, so a region of large noise is not mistaken for
+one of failure.  A rule is one interval of one feature, or two.  Its score is the rank sum of z inside against
 outside.  Its p-value is the share of permutations of z in which *any* rule scores as high.  Flights have their own
 rules and p-values over the state at mid-flight.
 

@@ -1,1 +1,1 @@
-"""Observations of bodies in space: hits, episodes and flights, from samples or as stated."""
+"""Observations of bodies in space: hits, episodes and flights, from samples or stated impacts."""

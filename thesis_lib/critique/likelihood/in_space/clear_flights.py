@@ -1,12 +1,12 @@
 """Motion of a body in space away from hits: clear flights, and samples that the surface may disturb.
 
-The samples of a clear flight are too high to touch the surface, and lie on one free motion at either end.  Between weak
-hits a box often rocks on an edge, where each corner touches too weakly to be found.  There a force f per unit mass acts
-through its lowest point r, steadily for a few samples, of which a part of gravity is expected,
+The samples of a clear flight are too high to touch the surface, and follow a single free motion at each end.  Between
+weak hits a box often rocks on an edge, where each corner touches too weakly to be detected.  Then a force f per unit
+mass, constant over a few samples and of the order of gravity, acts at the lowest point r,
 
     (a, α) = (f, G⁻¹ (r × f)),    f ~ N(0, diag(`WEIGHT` g)²)
 
-It is found with the motion, and what stays unknown of it widens the covariance of the motion.
+It is estimated together with the motion, and its uncertainty widens the covariance of the motion.
 """
 
 from dataclasses import dataclass, replace
@@ -26,19 +26,19 @@ from thesis_lib.mechanics.inertia import in_world, mobility
 from thesis_lib.mechanics.space import SPACE, cross
 from thesis_lib.mechanics.state import State
 
-FEWEST = 4  # samples of a flight
-CLEAR = 3.0  # sigmas that a flying body is above what may touch
-SKIPPED = 3  # samples at an end of a flight that may lie in a contact; then the flight is cut to half
-SUPPORTED = 0.02  # s of samples, in which the force of the surface is one
-LEAST = 3  # samples there
-WEIGHT = np.array([0.4, 0.4, 1.2])  # of gravity, along the surface and across; more than the weight, as bodies bounce
-IMPROBABLE = 1e-6  # of χ² of places and turns of a flight
+FEWEST = 4  # least number of samples of a flight
+CLEAR = 3.0  # sigmas by which a flying body is above the height of possible contact
+SKIPPED = 3  # samples at an end of a flight that may be in contact; beyond them the flight is halved
+SUPPORTED = 0.02  # s, in which the force of the surface is assumed constant
+LEAST = 3  # least number of samples in this time
+WEIGHT = np.array([0.4, 0.4, 1.2])  # relative to gravity, tangential and normal; above 1 because bodies bounce
+IMPROBABLE = 1e-6  # probability of a larger χ² of positions and turns of a flight
 
 
 @dataclass(frozen=True)
 class Poses:
-    """N measured poses of a body and how well they are known: one sigma of a place in m, of a component of a turn in
-    rad; and by how many times more than that χ² of a free flight may grow (`slack`)."""
+    """N measured poses of a body with their noise: one sigma of a position in m and of a component of a turn in rad;
+    and the factor (`slack`) by which χ² of a free flight may exceed its limit."""
 
     samples: Samples
     states: State
@@ -49,11 +49,11 @@ class Poses:
     def side(
         self, row: np.ndarray, count: np.ndarray, way: int, at: np.ndarray, clear: np.ndarray | bool = True
     ) -> tuple[SideLines, np.ndarray]:
-        """Motions through `count` (n,) samples from those at `row` (n,) on, earlier ones if `way` is −1, as seen from
-        the instants `at` (n,) in s; and whether they are those of a free body, or of a supported one where they are not
-        `clear` (n,).  Both sides of the windows are the same."""
+        """Motions through `count` (n,) samples from the rows `row` (n,) on (backwards if `way` is −1), relative to the
+        instants `at` (n,) in s; and whether the motion is free or, where not `clear` (n,), supported.  Both sides of
+        the windows are equal."""
         samples, rig, G = self.samples, self.rig, np.asarray(self.rig.tensor)
-        size = np.arange(count.max(initial=2))  # two samples make a motion, also where there is none
+        size = np.arange(count.max(initial=2))  # at least two samples, also for windows without motion
         index = np.clip(row[:, None] + way * size, 0, len(samples) - 1)
         used = np.repeat((size < count[:, None])[:, None], 2, axis=1)
         pose, tau = np.moveaxis(self.states.pose[:, index], 0, -1), samples.t[index] - at[:, None]
@@ -72,14 +72,14 @@ class Poses:
     def _supported(
         self, fitted: SideLines, state: State, left: np.ndarray, bend: np.ndarray, rows: np.ndarray
     ) -> tuple[SideLines, np.ndarray]:
-        """Windows in which the surface acts in some `rows` (n,), and by how much χ² is less (n,).
+        """Windows with a force of the surface in some `rows` (n,), and the decrease of χ² (n,) due to it.
 
         Args:
-            left: (n, W, 6) what free motion leaves of places and turns, in standard deviations.
-            bend: (n, W) what a line leaves of τ²/2.
+            left: (n, W, 6) residuals of positions and turns from free motion, in standard deviations.
+            bend: (n, W) residuals of τ²/2 from a line.
         """
         n, r = len(rows), self.rig.lowest(state)
-        units = np.repeat(np.eye(3)[..., None], n, axis=2)  # one after the other
+        units = np.repeat(np.eye(3)[..., None], n, axis=2)  # unit forces
         turning = mobility(SPACE, np.asarray(self.rig.tensor), state.attitude)
         by_force = [np.concatenate([f, np.einsum("ijn,jn->in", turning, cross(r, f))]).T for f in units]
         change = np.stack(by_force, axis=2)  # (n, 6, 3): accelerations by forces
@@ -103,9 +103,9 @@ class Poses:
 
 @dataclass(frozen=True)
 class BetweenHits:
-    """Rows of the first and last sample (m, 2) of each stretch without hits or lost frames, by trial and time; and of
-    its clear flights at either end: the row (m, 2) nearest to that end, and how many samples lie on its free motion, 0
-    if there is none."""
+    """Rows (m, 2) of the first and last sample of each stretch without hits or lost frames, by trial and time; for the
+    clear flights at its two ends, the row (m, 2) nearest to the end and the number of samples (m, 2) on the free
+    motion, 0 without a flight."""
 
     stretch: np.ndarray
     flight: np.ndarray
@@ -113,7 +113,7 @@ class BetweenHits:
 
     @classmethod
     def of(cls, poses: Poses, hits: Hits, low: float, settings: ArcSettings) -> "BetweenHits":
-        """The stretches between `hits`; bodies are clear that are higher than `low` in m by three sigmas."""
+        """Stretches between `hits`; bodies that are three sigmas higher than `low` in m are clear."""
         samples, rig, (place, turn) = poses.samples, poses.rig, poses.noise
         r, number = rig.lowest(poses.states), hits.before(samples.trial, samples.t)
         free = np.ones(len(samples), bool)
@@ -129,7 +129,7 @@ class BetweenHits:
         )
         at, found = np.zeros_like(stretch), np.zeros_like(stretch)
         of = np.searchsorted(stretch[:, 0], flights[:, 0], side="right") - 1
-        for side, order in ((0, slice(None, None, -1)), (1, slice(None))):  # what is set last is nearest to the end
+        for side, order in ((0, slice(None, None, -1)), (1, slice(None))):  # the value set last is nearest to the end
             rows = np.flatnonzero(count[:, side])[order]
             at[of[rows], side], found[of[rows], side] = edge[rows, side], count[rows, side]
         return cls(stretch, at, found)
@@ -143,8 +143,8 @@ def _stretches(mask: np.ndarray, ends: np.ndarray) -> np.ndarray:
 
 
 def _end(poses: Poses, bounds: np.ndarray, side: int, most: int) -> tuple[np.ndarray, np.ndarray]:
-    """Of flights between the rows `bounds` (m, 2) that at one end, first or last, from which on samples lie on a free
-    motion, and how many; 0 if there is none."""
+    """Row (m,) at one end, first (0) or last (1), of flights between the rows `bounds` (m, 2) from which samples follow
+    a free motion, and their number; 0 if there are none."""
     length, way = bounds[:, 1] - bounds[:, 0] + 1, 1 - 2 * side
     edge, count = bounds[:, side].copy(), np.zeros(len(bounds), int)
     left = np.arange(len(bounds))
@@ -162,8 +162,8 @@ def _end(poses: Poses, bounds: np.ndarray, side: int, most: int) -> tuple[np.nda
 
 
 def seen_beside(poses: Poses, hits: pd.DataFrame, low: float, settings: ArcSettings) -> pd.DataFrame:
-    """What is seen beside each hit, "pre" and "post": the row of the nearest sample, how many lie on the motion there,
-    0 if none does, and whether this is a clear flight."""
+    """Motion observed before ("pre") and after ("post") each hit: row of the nearest sample, number of samples on the
+    motion (0 if none), and whether the motion is a clear flight."""
     samples, trial, t = poses.samples, hits["trial"].to_numpy(), hits["t"].to_numpy()
     between = BetweenHits.of(poses, Hits(trial, t, np.ones(len(t), bool)), low, settings)
     if not len(hits):
@@ -195,8 +195,8 @@ def seen_beside(poses: Poses, hits: pd.DataFrame, low: float, settings: ArcSetti
 
 
 def jump_across(poses: Poses, beside: pd.DataFrame) -> np.ndarray:
-    """√(|Δv|² + Δωᵀ G Δω) (n,) in m/s from before to after, G the believed inertia per mass; NaN where none is
-    seen."""
+    """Change of motion √(|Δv|² + Δωᵀ G Δω) (n,) in m/s, with the believed inertia per mass G; NaN where not
+    observed."""
     jump, seen = np.full(len(beside), np.nan), np.flatnonzero((beside[["n_pre", "n_post"]] > 0).all(axis=1))
     states = []
     for name, way in (("pre", -1), ("post", 1)):
@@ -210,8 +210,8 @@ def jump_across(poses: Poses, beside: pd.DataFrame) -> np.ndarray:
 
 
 def jumps(poses: Poses, hits: pd.DataFrame, beside: pd.DataFrame) -> np.ndarray:
-    """`jump_across` (n,) each hit; of hits with too few samples between them that from before the first to after the
-    last."""
+    """`jump_across` (n,) each hit; hits with too few samples between them have the jump from before the first to after
+    the last."""
     trial, order = hits["trial"].to_numpy(), np.arange(len(hits))
     other = np.flatnonzero(np.diff(trial)) + 1 if len(trial) else order
     ends = np.zeros((2, len(hits)), bool)
@@ -224,13 +224,13 @@ def jumps(poses: Poses, hits: pd.DataFrame, beside: pd.DataFrame) -> np.ndarray:
 
 
 def state_under_gravity(windows: SideLines, rig: Rig) -> State:
-    """The states at the instants of the windows, under believed gravity."""
+    """States at the instants of the windows, under believed gravity."""
     none = np.zeros(len(windows.value))
     state = State.of(windows.value[:, 0], windows.slope[:, 0], none, none, None, rig.space)
     return under_gravity(state, windows.bow[:, 0], rig)
 
 
 def under_gravity(lines: State, bow: np.ndarray, rig: Rig) -> State:
-    """Poses and motions of lines (`lines`) with a bow (n, 2), under the believed acceleration."""
+    """Poses and motions of `lines` under the believed acceleration; `bow` (n, 2): lines through τ²/2 (`lines.py`)."""
     a, (b_0, b_1) = rig.fall(lines)[:3], bow.T
     return lines.changed(position=lines.position - a * b_0, velocity=lines.velocity - a * b_1)

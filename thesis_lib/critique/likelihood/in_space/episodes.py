@@ -1,9 +1,9 @@
-"""Episodes in space: all that happens between two motions that are seen (`clear_flights`), unless it is a single hit.
+"""Episodes in space: sequences of hits between two observed motions (`clear_flights`).
 
-Hits with too few samples between them are put together as in the plane (`datasets/impacts/episodes.py`).  Two hits
-between two samples look like one.  They are found by the corners: the flight before, followed on, touches the
-surface with one, and the flight after, followed back, with another one; where two corners are within `LEVEL` then, it
-may be either.  A body that hits with one corner, another one and the first again leaves later than others do.
+Hits with too few samples between them are combined as in the plane (`datasets/impacts/episodes.py`).  Two hits between
+two samples appear as one.  They are detected by the corners: the flight before, extrapolated forwards, touches the
+surface with one corner, and the flight after, extrapolated backwards, with another; if two corners are within `LEVEL`,
+it may be either.  A body that hits with one corner, another, and the first again leaves later than others.
 """
 
 import numpy as np
@@ -19,13 +19,13 @@ from thesis_lib.mechanics.space import SPACE
 from thesis_lib.mechanics.state import State
 from thesis_lib.statistics.spread import robust_std
 
-LEVEL = 1e-3  # m between two corners: three standard deviations of their height where a flight is extrapolated
-LOOK = 1e-4  # s between the poses in which a touch is looked for
-OUTLASTS, FEWEST = 4.0, 10  # robust standard deviations by which contacts last longer than others, of so many hits
-EDGE = 1e-6  # s; instants that are nearer are the same sample's
-HARD = 0.4  # m/s: weaker hits are of no kind of contact
-OFF_SURFACE = 0.25  # extents of the body from where most hits are: a hand, a wall, another body, the table's edge
-ELSEWHERE = "off_surface"  # the reason of hits that no episode holds
+LEVEL = 1e-3  # m between two corners: three standard deviations of the height of an extrapolated corner
+LOOK = 1e-4  # s between the poses that are tested for a touch
+OUTLASTS, FEWEST = 4.0, 10  # robust standard deviations for longer contacts; least number of hits
+EDGE = 1e-6  # s; nearer instants belong to the same sample
+HARD = 0.4  # m/s: weaker hits are not assigned a kind of contact
+OFF_SURFACE = 0.25  # extents of the body from most hits: a hand, a wall, another body, the table's edge
+ELSEWHERE = "off_surface"  # reason for hits that cannot be part of an episode
 
 
 def add_episodes(
@@ -36,14 +36,14 @@ def add_episodes(
     beside: pd.DataFrame,
     touching: tuple[float, float],
 ) -> Observations:
-    """The single hits and the episodes, by trial and time; what the episodes hold is no longer left out.
+    """Single hits and episodes, sorted by trial and time; hits in episodes no longer count as left out.
 
     Args:
-        poses: of the centre of mass, in the frame of the surface.
-        hits: all that were detected, sorted by trial and time, with trial, impact, t (s) and reason ("" = used alone).
-        windows: of the single hits `start` and `end` in s, times of the last sample before and the first after, and the
-            numbers of samples `n_pre` and `n_post`.
-        beside: what is seen beside all hits.
+        poses: poses of the centre of mass, in the frame of the surface.
+        hits: all detected hits, sorted by trial and time, with trial, impact, t (s) and reason ("" for single hits).
+        windows: for the single hits the times `start` of the last sample before and `end` of the first sample after in
+            s, and the numbers of samples `n_pre` and `n_post`.
+        beside: motion observed beside all hits (`seen_beside`).
         touching: lowest and highest gap in m at which the believed body touches.
     """
     if not len(hits):
@@ -62,12 +62,12 @@ def add_episodes(
     )
     before = state_under_gravity(poses.side(start, n_pre, -1, samples.t[start], clear_pre)[0], rig)
     t = samples.t[start] + _touch(rig, before, 1)[0]
-    # as in the plane: a hit that a model makes a little late must not fall behind the state after
+    # as in the plane: a hit that a model predicts slightly late must precede the state after
     over = np.minimum(samples.t[end] + LATE, samples.t[end + (n_post - 1) // 2])
     over = np.maximum(over, t + EDGE)
     sides = [poses.side(start, n_pre, -1, t, clear_pre), poses.side(end, n_post, 1, over, clear_post)]
     good = np.all([side[1] for side in sides], axis=0)
-    good &= clear_pre | (rig.gap(before) > touching[0])  # what is deeper was not followed by this motion
+    good &= clear_pre | (rig.gap(before) > touching[0])  # at greater depth this motion did not end in the hit
     gap = rig.gap(state_under_gravity(sides[0][0], rig))
     good &= np.abs(gap - np.mean(touching)) < OFF_SURFACE * rig.shape.extent  # a hand, a wall, another body
     names = ("value", "slope", "bow", "cov", "nodes", "weights")
@@ -83,7 +83,7 @@ def add_episodes(
 
 
 def _not_single(poses: Poses, hits: pd.DataFrame, beside: pd.DataFrame) -> pd.DataFrame:
-    """Episodes with trial, first and last hit, and what is seen before the first and after the last."""
+    """Episodes: trial, first and last hit, and the motion observed before the first and after the last hit."""
     reason, number = hits["reason"].to_numpy(), hits["impact"].to_numpy()
     first, last = groups_of_hits(hits, poses.samples.position(hits["trial"].to_numpy(), hits["t"].to_numpy())).T
     elsewhere = np.cumsum(np.r_[0, reason == ELSEWHERE])
@@ -97,7 +97,7 @@ def _not_single(poses: Poses, hits: pd.DataFrame, beside: pd.DataFrame) -> pd.Da
 
 
 def _hits_twice(poses: Poses, alone: pd.DataFrame) -> np.ndarray:
-    """Mask (n,) of what looks like single hits, and may be several."""
+    """Mask (n,) of apparently single hits that may be several hits."""
     rig, corners, t, rate = poses.rig, [], [], []
     several = np.zeros(len(alone), bool)
     if not len(alone):
@@ -109,14 +109,14 @@ def _hits_twice(poses: Poses, alone: pd.DataFrame) -> np.ndarray:
         tau, corner, near = _touch(rig, state, -way)
         corners.append(corner)
         several |= near
-        known &= tau != 0.0  # a believed body that is below the surface at a sample touched at nobody knows what time
+        known &= tau != 0.0  # unknown instant of touch if the body is below the surface at a sample
         t.append(poses.samples.t[row] + tau)
         rate.append(np.abs(SPACE.velocity_at(state.velocity, state.spin, rig.lowest(state))[2]))
     several |= corners[0] != corners[1]
     rows = np.flatnonzero(~several & (np.min(rate, axis=0) > 0.0))
     known = known[rows]
     if known.sum() > max(FEWEST, 0.5 * len(rows)):
-        # a body that is believed too large or too high seems to touch for longer, the slower it is
+        # a body that is believed too large or too high appears to touch for longer if it is slower
         lasts, slowness = (t[1] - t[0])[rows], 1.0 / rate[0][rows] + 1.0 / rate[1][rows]
         slope, middle, *_ = theilslopes(lasts[known], slowness[known])
         longer = lasts - middle - slope * slowness
@@ -125,8 +125,8 @@ def _hits_twice(poses: Poses, alone: pd.DataFrame) -> np.ndarray:
 
 
 def _touch(rig: SeenRig, state: State, way: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """When (n,) in s believed bodies reach the surface, on (`way` 1) or back (−1); the corner (n,), and whether another
-    one is near."""
+    """Times (n,) in s at which believed bodies reach the surface, forwards (`way` 1) or backwards (−1); the corner
+    (n,), and whether another corner is near."""
     tau = way * np.arange(0.0, LONGEST_WAIT, LOOK)
     free = flown(state.pose, state.motion, np.asarray(rig.tensor), rig.fall(state)[:3], tau)
     k, n = len(tau), len(state)

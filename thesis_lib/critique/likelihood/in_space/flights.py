@@ -1,17 +1,17 @@
-"""Accelerations of flights in space, and how they change: what a free start does not explain of the samples' paths.
+"""Accelerations of flights in space, and their change: deviations from uniform translation and free rotation.
 
-Of the samples of a flight, with τ counted from its middle, T from the first to the last,
+For the samples of a flight, with τ from its middle and T the time from the first to the last sample,
 
     p(τ) = p_0 + v τ + a τ²/2 + Δa τ³/(6 T)
     φ(τ) = Φ_q(τ) δφ + Φ_ω(τ) δω + α τ²/2 + Δα τ³/(6 T)
 
-in which φ turns the believed torque-free motion through the samples into what was measured, and Φ are its columns
-(`mechanics/free_motion.py`).  The terms are fitted one after the other, so that a is that of a parabola.  The path that
-a model and its camera make of the state in the middle is fitted in the same way: no path has to be a parabola.  A
-wrong centre of mass has an acceleration that turns with the body, air one that changes: Δa tells them from gravity.
+where φ turns the believed torque-free motion through the samples into the measured attitudes, and Φ are its derivatives
+(`mechanics/free_motion.py`).  The terms are fitted consecutively: a is the acceleration of a parabola.  The path that a
+model and its camera predict from the state in the middle is fitted in the same way; it need not be a parabola.  A wrong
+centre of mass gives an acceleration that turns with the body, air one that changes: Δa distinguishes them from gravity.
 
-A flight is where the believed centre of mass accelerates by gravity (`datasets/space/flights.py`), between hits.  One
-that bends faster than T³, other than by a centre of mass at another place, holds a hit that was not detected.
+In a flight, between hits, the believed centre of mass accelerates by gravity (`datasets/space/flights.py`).  A flight
+with terms beyond τ³ that a displaced centre of mass cannot explain contains an undetected hit.
 
 | on paper | in code        | unit        | shape   |                                                  |
 |----------|----------------|-------------|---------|--------------------------------------------------|
@@ -39,26 +39,26 @@ from thesis_lib.mechanics.space import SPACE, rotation_matrix
 from thesis_lib.mechanics.state import State
 from thesis_lib.statistics.spread import OF_MEDIAN, robust_std
 
-LASTS = 3e-3  # s from a hit, within which samples may lie in the contact; one step at least
-SHORTEST = 0.1  # s: in a shorter one the body rises by less than 12 mm, and may rock on an edge
-IMPROBABLE = 1e-6  # of χ² of a flight without an undetected hit
-UNSEEN = 0.1  # m, one sigma of the centre of mass before flights are seen
-ODD = 3.0  # median misfits of a flight, from which on it has no say in where the centre of mass is
-CHANCE = 3.0  # standard errors by which data may show more noise than is stated
-LEAST = 1e-3  # of the noise that neighbours show; flights show more
-FREE, TERMS, ALL = 2, 4, 6  # terms of a place: those of a free start, with those compared, with faster ones
+LASTS = 3e-3  # s from a hit within which samples may be in contact; at least one step
+SHORTEST = 0.1  # s: in a shorter flight the body rises by less than 12 mm, and may rock on an edge
+IMPROBABLE = 1e-6  # probability of a larger χ² of a flight without an undetected hit
+UNSEEN = 0.1  # m, prior sigma of the centre of mass
+ODD = 3.0  # ratio to the median misfit beyond which a flight is not used for the centre of mass
+CHANCE = 3.0  # standard errors by which the observed noise may exceed the stated noise
+LEAST = 1e-3  # least noise, relative to that of neighbouring samples; flights show more
+FREE, TERMS, ALL = 2, 4, 6  # terms of a position: free motion; also the compared ones; also faster ones
 
 
 @dataclass(frozen=True)
 class SpaceFlights(Flights):
-    """m flights in space; see the module's table.  `variance` (m, 12), the components are independent."""
+    """m flights in space; see the module's table.  `variance` (m, 12): the components are independent."""
 
     reference: np.ndarray
     of_place: np.ndarray
     of_turn: np.ndarray
 
     def residuals(self, dynamics: Dynamics) -> np.ndarray:
-        """As measured minus as predicted (m, 12), m/s² and rad/s²."""
+        """Measured minus predicted accelerations (m, 12), m/s² and rad/s²."""
         if not len(self):
             return self.acceleration
         n, k = len(self), len(COURSE)
@@ -70,7 +70,7 @@ class SpaceFlights(Flights):
 
 
 def _terms(of_place: np.ndarray, of_turn: np.ndarray, place: np.ndarray, turn: np.ndarray) -> np.ndarray:
-    """a, α, Δa, Δα (n, 12) by weights (n, 2, W) and (n, 6, 3, W) of places and turns (3, n, W)."""
+    """a, α, Δa, Δα (n, 12) from positions and turns (3, n, W) with their weights (n, 2, W) and (n, 6, 3, W)."""
     a = np.einsum("ntw,cnw->ntc", of_place, place)
     alpha = np.einsum("ncdw,dnw->nc", of_turn, turn).reshape(len(a), 2, 3)
     return np.concatenate([a, alpha], axis=2).reshape(len(a), 12)
@@ -78,9 +78,9 @@ def _terms(of_place: np.ndarray, of_turn: np.ndarray, place: np.ndarray, turn: n
 
 @dataclass(frozen=True)
 class _Samples:
-    """W samples of n flights, with zeros where there are fewer: τ (n, W) in s, places (n, W, 3), attitudes (n, W, 4).
+    """W samples of n flights, padded with zeros: τ (n, W) in s, positions (n, W, 3), attitudes (n, W, 4).
 
-    `used` (n, W) are the samples that there are, `middle` (n,) is the clock in the middle.
+    `used` (n, W) is the mask of actual samples, `middle` (n,) the clock in the middle of each flight.
     """
 
     rows: np.ndarray
@@ -103,12 +103,12 @@ class _Samples:
         return cls(rows, used, middle, last - first, tau, place * used[..., None], attitude)
 
     def powers(self) -> np.ndarray:
-        """Columns (n, W, 6): 1, τ, τ²/2, τ³/(6 T), and two beyond."""
+        """Columns (n, W, 6): 1, τ, τ²/2, τ³/(6 T), and the next two powers."""
         over = self.span[:, None, None] ** np.maximum(np.arange(ALL) - FREE, 0)
         return self.tau[..., None] ** np.arange(ALL) / ([1.0, 1.0, 2.0, 6.0, 24.0, 120.0] * over) * self.used[..., None]
 
     def at_course(self, weights: np.ndarray) -> np.ndarray:
-        """Weights (n, ..., K) at `COURSE` that replace those (n, ..., W) of the samples."""
+        """Weights (n, ..., K) at `COURSE` equivalent to weights (n, ..., W) at the samples."""
         along = legvander(self.tau / (0.5 * self.span[:, None]), len(COURSE) - 1)
         along = along @ np.linalg.inv(legvander(COURSE, len(COURSE) - 1))
         return np.einsum("n...w,nwk->n...k", weights, along)
@@ -123,14 +123,14 @@ def flights_in_space(
     low: float = -np.inf,
     guard: float = 0.0,
 ) -> Flights:
-    """The flights between hits.
+    """Flights between hits, with their accelerations.
 
     Args:
-        states: poses (N,) of the believed body as measured, in the axes of the surface, by trial and time.
-        clock: (N,) s, rises over all trials, with a pause between two of them.
-        hits: all that were found, at times as in `states`.
+        states: measured poses (N,) of the believed body, in the axes of the surface, by trial and time.
+        clock: (N,) s, increases over all trials, with a pause between trials.
+        hits: all detected hits, at times as in `states`.
         noise: one sigma of a coordinate in m and of a component of a small turn in rad, at least.
-        low: m, gap below which the body may touch: many a contact is too weak to be found as a hit.
+        low: m, gap below which the body may touch: many contacts are too weak to be detected as hits.
         guard: s from a hit, within which samples are rounded.
     """
     flights = _between(states, clock, hits, rig, noise[0], low, guard)
@@ -173,16 +173,16 @@ def flights_in_space(
 def noise_of_flights(
     states: State, clock: np.ndarray, hits: Hits, rig: Rig, noise: tuple[float, float], guard: float
 ) -> tuple[float, float]:
-    """One sigma of a coordinate in m and of a turn in rad, by what flights show beyond the terms that are compared.
+    """One sigma of a coordinate in m and of a turn in rad, from the terms of flights beyond the compared ones.
 
-    Of smoothed samples it is that of white noise with the same slow errors, which are those of a fit to many samples.
-    Arguments as of `flights_in_space`.
+    For smoothed samples it is the white noise with the same slow errors, which determine fits to many samples.
+    Arguments as in `flights_in_space`.
     """
     flights = _between(states, clock, hits, rig, noise[0], -np.inf, guard)
     if not flights:
         return noise
     length = np.array([flight.stop - flight.start for flight in flights])
-    flights = [flights[i] for i in np.flatnonzero(length >= np.median(length))]  # in short ones nothing is slow
+    flights = [flights[i] for i in np.flatnonzero(length >= np.median(length))]  # short flights do not show slow errors
     samples = _Samples.of(states, clock, flights)
     powers = samples.powers()
     Q, _ = np.linalg.qr(powers)
@@ -195,7 +195,7 @@ def noise_of_flights(
 def _between(
     states: State, clock: np.ndarray, hits: Hits, rig: Rig, noise: float, low: float, guard: float
 ) -> list[slice]:
-    """Rows of the flights between hits and above `low`, of at least `SHORTEST` and `MIN_FLIGHT` samples."""
+    """Rows of the flights between hits and above `low`, longer than `SHORTEST` with at least `MIN_FLIGHT` samples."""
     if not rig.gravity or len(clock) <= MIN_FLIGHT:
         return []
     label, number = np.full(len(clock), -1), hits.before(states.trial, states.t)
@@ -217,14 +217,14 @@ def _between(
 
 
 def _misfits(samples: _Samples, Q: np.ndarray, noise: float) -> tuple[np.ndarray, np.ndarray]:
-    """Which flights (n,) hold a hit that was not detected, and one sigma (3,) in m of a place."""
+    """Mask (n,) of flights with an undetected hit, and one sigma (3,) in m of a position."""
     axes = np.moveaxis(rotation_matrix(np.moveaxis(samples.attitude, -1, 0)), (0, 1), (2, 3))  # (n, W, 3, 3)
     axes = axes * samples.used[..., None, None]
     slow = Q[..., :TERMS]
     beyond = axes - np.einsum("nwt,nvt,nvij->nwij", slow, slow, axes, optimize=True)
     rest = samples.place - slow @ (np.swapaxes(slow, 1, 2) @ samples.place)
     kept = np.ones(len(rest), bool)
-    for _ in range(2):  # a centre of mass at another place bends all flights alike
+    for _ in range(2):  # a displaced centre of mass affects all flights equally
         normal = np.einsum("nwij,nwik->jk", beyond[kept], beyond[kept])
         c = np.linalg.solve(
             normal + (noise / UNSEEN) ** 2 * np.eye(3), np.einsum("nwij,nwi->j", beyond[kept], rest[kept])
@@ -240,7 +240,7 @@ def _misfits(samples: _Samples, Q: np.ndarray, noise: float) -> tuple[np.ndarray
 
 
 def _seen(fast: np.ndarray, noise: float) -> np.ndarray:
-    """One sigma (3,) of a sample by terms (n, t, 3) that are noise alone: that which is stated, if they agree."""
+    """One sigma (3,) of a sample from terms (n, t, 3) due to noise alone; the given `noise` if they agree with it."""
     values = fast.reshape(-1, 3)
     seen = robust_std(values)
     return np.where(seen > noise * (1.0 + CHANCE * OF_MEDIAN / np.sqrt(len(values))), seen, noise)
@@ -249,7 +249,7 @@ def _seen(fast: np.ndarray, noise: float) -> np.ndarray:
 @dataclass(frozen=True)
 class _Turns:
     """Turns (3, n, W) from the believed motion; attitude (4, n) and spin (3, n) in the middle; weights (n, 6, 3, W)
-    with the variance (n, 6) of what they give; attitudes (n, K, 4) of the believed motion at `COURSE`; one sigma (3,)
+    and the variance (n, 6) of their results; attitudes (n, K, 4) of the believed motion at `COURSE`; one sigma (3,)
     in rad of a turn."""
 
     turns: np.ndarray
@@ -262,7 +262,7 @@ class _Turns:
 
 
 def _turns(samples: _Samples, further: np.ndarray, Q: np.ndarray, rig: Rig, noise: float) -> _Turns:
-    """The turns of n flights; `further` (n, W, 2) are the terms beyond a free start."""
+    """Turns of n flights; `further` (n, W, 2) are the terms beyond free motion."""
     G, tau, n = np.asarray(rig.tensor), samples.tau.T, len(samples.tau)
     q, spin, _ = fit_turning(samples.attitude, samples.tau, samples.used, G)
     believed, _ = attitudes(q, spin, G, tau)
@@ -277,7 +277,7 @@ def _turns(samples: _Samples, further: np.ndarray, Q: np.ndarray, rig: Rig, nois
     left = np.moveaxis(turns, 0, -1) - np.einsum("niwt,nt->nwi", P, found)
     sigma = _seen(np.einsum("nwt,nwi->nti", Q[..., TERMS:], left), noise)
     weights, variance = [], []
-    for part in (slice(6, 9), slice(9, 12)):  # made independent of each other
+    for part in (slice(6, 9), slice(9, 12)):  # decorrelated
         inverse = np.linalg.inv(R[:, part, part])
         cov = inverse @ np.swapaxes(inverse, 1, 2)
         value, axes = np.linalg.eigh(cov)

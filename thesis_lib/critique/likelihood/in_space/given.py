@@ -1,7 +1,7 @@
-"""Observations of a body in space from its impacts as impacts.csv states them, in the frame of the surface.
+"""Observations of a body in space from the impacts stated in impacts.csv, in the frame of the surface.
 
-The tables state the tracked frame T.  With the lever A from its origin to the believed centre of mass and small errors
-δp, δφ, δv, δω of what is stated, the errors of the centre are
+The table contains the tracked frame T.  With the lever A from its origin to the believed centre of mass and small
+errors δp, δφ, δv, δω of the stated values, the errors of the centre are
 
     δp_C = δp + δφ × A,    δv_C = δv + δω × A + ω × (δφ × A)
 """
@@ -23,22 +23,22 @@ from thesis_lib.foundation.errors import UserError
 from thesis_lib.mechanics.space import SPACE
 from thesis_lib.mechanics.state import State
 
-FASTEST = 5.0  # energy norm after an impact over that before it, or over the median; no impact gains a factor of 2
+FASTEST = 5.0  # ratio of the energy norm after an impact to that before it, or to the median; no impact doubles it
 
 
 def given_in_space(dataset: Dataset) -> Observations:
-    """Observations of the rows of impacts.csv; those that no impact makes have a reason in `found`.
+    """Observations of the rows of impacts.csv; rows that cannot be impacts have a reason in `found`.
 
     Raises:
-        UserError: there are several surfaces, the tracked frame is unknown, or the centre of mass follows from an
+        UserError: there are several surfaces, the tracked frame is unknown, or the centre of mass depends on an
             orientation that is not stated.
     """
     header, table = dataset.in_space, dataset.impacts
     assert table is not None
     if len(header.planes) > 1:
         raise UserError(
-            f"{dataset.name}: impacts at several surfaces cannot be told apart. Give the surface that was hit as "
-            "`surface`, and the impacts of each in a dataset of their own."
+            f"{dataset.name}: impacts on several surfaces cannot be distinguished. Give the surface that was hit as "
+            "`surface`, and put the impacts on each surface into a separate dataset."
         )
     table = table.iloc[np.lexsort((table["impact"], table["trial"]))].reset_index(drop=True)
     turned = bool(np.isfinite(table["qw"].to_numpy(float)).any())
@@ -50,7 +50,7 @@ def given_in_space(dataset: Dataset) -> Observations:
     lever = before.position - frame.vectors_in(tracked[0].position - frame.origin[:, None])
     if not turned and np.abs(lever).max(initial=0.0) > 1e-9:
         raise UserError(
-            f"{dataset.name}: impacts.csv has no orientation, and the centre of mass is not at the tracked point; give "
+            f"{dataset.name}: impacts.csv has no orientation, but the centre of mass is not at the tracked point; give "
             "qw, qx, qy, qz, or the velocities of the centre."
         )
     r, offset = rig.lowest(before), np.zeros((len(table), 3))
@@ -79,7 +79,7 @@ def given_in_space(dataset: Dataset) -> Observations:
 
 
 def _reasons(before: State, r: np.ndarray, motion: np.ndarray, rig: Rig) -> np.ndarray:
-    """Why impacts (n,) are left out, "" of those that are used."""
+    """Reasons (n,) why impacts are left out; "" for impacts that are used."""
     v, spin = np.moveaxis(motion, -1, 0)[:3], np.moveaxis(motion, -1, 0)[3:]
     G = np.asarray(rig.tensor)
     of_body = np.stack([SPACE.turned_back(before.attitude, spin[:, :, side]) for side in (0, 1)], axis=2)
@@ -100,7 +100,7 @@ def _covariance(
     """Covariance (n, 2, 12, 12) of value and slope of each channel on both sides, as in `Observations`.
 
     None if a part of the noise is not stated.  `lever` (3, n) and `motion` (n, 2, 6) are in the frame of the surface,
-    whose axes `surface` (4,) turns into those of the recording.
+    whose axes the quaternion `surface` (4,) turns into the axes of the recording.
     """
     if noise is None or None in (noise.position, noise.velocity, noise.angular_velocity):
         return None
@@ -127,11 +127,11 @@ def _covariance(
 
 
 def _cross(u: np.ndarray) -> np.ndarray:
-    """Matrices (n, 3, 3) of u × for vectors u (n, 3)."""
+    """Matrices (n, 3, 3) of the vector product u × for vectors u (n, 3)."""
     return np.cross(u[:, None, :], np.eye(3)).swapaxes(1, 2)
 
 
 def _sigma(noise: NoiseInSpace | None) -> tuple[float, float]:
-    """One sigma of a position in m and of a turn in rad, NaN where it is not stated."""
+    """One sigma of a position in m and of a turn in rad; NaN if not stated."""
     place, turn = (None, None) if noise is None else (noise.position, noise.rotation)
     return np.nan if place is None else float(np.sqrt(np.mean(np.square(place)))), turn or np.nan

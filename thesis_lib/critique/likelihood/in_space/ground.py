@@ -1,12 +1,12 @@
-"""Where bodies touch in space, as their hits show it: for finding hits where the believed surface is off.
+"""Empirical surface on which bodies touch in space, estimated from hits if the believed one is wrong.
 
-A bent table, a camera that is not square to it, a body of another size or a marker at another place move the gap at
-hits by millimetres, and another corner seems to touch.  A regression of the gap φ on place and attitude,
+A bent table, a camera that is not perpendicular to it, a wrong size of the body or a displaced marker change the gap at
+hits by millimetres, and a wrong corner appears to touch.  A regression of the gap φ on position and attitude,
 
-    φ̂ = h(x, y) + s z_c + u·n + w·|n|,    h of the second order
+    φ̂ = h(x, y) + s z_c + u·n + w·|n|,    h of second order
 
-with z_c the height of the centre above the contact point and n the normal in axes of the body, holds all of these to
-first order, whatever the cause.  It only says where another hit may be; models are fitted to what was measured.
+with z_c the height of the centre above the contact point and n the normal in body axes, represents all of these causes
+to first order.  It serves only to find further hits; models are fitted to the measured data.
 """
 
 from dataclasses import dataclass
@@ -20,22 +20,22 @@ from thesis_lib.mechanics.space import SPACE, rotation_matrix
 from thesis_lib.mechanics.state import State
 from thesis_lib.statistics.spread import robust_std
 
-FEWEST = 39  # hits, three for each column
-OFF = 1e-3  # m by which gaps at hits scatter, below which no other corner is taken for the one that touches
-EXPLAINED = 0.5  # of that scatter is left at most
-PLACES = 6  # columns of h
+FEWEST = 39  # least number of hits, three for each column
+OFF = 1e-3  # m, scatter of the gaps at hits below which the touching corner is not in doubt
+EXPLAINED = 0.5  # greatest fraction of that scatter that may remain
+PLACES = 6  # number of columns of h
 
 
 @dataclass(frozen=True)
 class Ground:
-    """`coefficients` (13,) of φ̂, in m and 1/m; `middle` (2,) in m, from where places count."""
+    """Regression φ̂: `coefficients` (13,), in m and 1/m; `middle` (2,) in m, the origin of positions."""
 
     coefficients: np.ndarray
     middle: np.ndarray
 
     @classmethod
     def seen(cls, rig: Rig, state: State) -> Self | None:
-        """The ground by bodies (n) as they hit it, None where too few do or what is believed serves."""
+        """Ground estimated from states (n,) at hits; None for too few hits or if the believed surface is adequate."""
         gap, r = rig.gap(state), rig.lowest(state)
         spread = float(robust_std(gap - np.median(gap))) if len(gap) >= FEWEST else 0.0
         if spread < OFF:
@@ -48,7 +48,7 @@ class Ground:
         scale = max(float(robust_std(gap - X @ (start / size))), 1e-6)
 
         def sigmas(b: np.ndarray) -> np.ndarray:
-            # a weak pull to zero decides what a body of few attitudes leaves open
+            # a weak prior towards zero determines what few attitudes leave undetermined
             return np.concatenate([(X @ (b / size) - gap) / scale, 1e-3 * b / spread])
 
         found = least_squares(sigmas, start, loss="soft_l1").x / size
@@ -56,7 +56,7 @@ class Ground:
         return cls(found, middle) if robust_std(left - np.median(left)) < EXPLAINED * spread else None
 
     def under(self, shape: Any, state: State) -> State:
-        """The bodies as they lie above the believed surface: turned by the slope of h, and moved by φ̂."""
+        """States relative to the believed surface: turned by the slope of h, and shifted by φ̂."""
         r, c = shape.lowest(state.attitude)[:2], self.coefficients
         x, y = at = state.position[:2] - self.middle[:, None]
         slope = np.stack([c[1] + 2.0 * c[3] * x + c[4] * y, c[2] + c[4] * x + 2.0 * c[5] * y])
@@ -70,12 +70,12 @@ class Ground:
 
 @dataclass(frozen=True)
 class SeenRig(Rig):
-    """The believed rig with the ground on which hits were found, if it is another one."""
+    """The believed rig with the ground estimated from hits, if it differs from the believed surface."""
 
     ground: Ground | None = None
 
     def above(self, state: State) -> State:
-        """The bodies as they lie above the believed surface."""
+        """States relative to the believed surface; unchanged without a ground."""
         return state if self.ground is None else self.ground.under(self.shape, state)
 
     def lowest(self, state: State) -> np.ndarray:
@@ -91,13 +91,13 @@ class SeenRig(Rig):
 
 
 def of_shape(shape: Any, state: State) -> np.ndarray:
-    """Columns (n, 8) by which a wrong shape sinks bodies: 1, height of the centre, the surface's normal in axes of the
-    body, and the sizes of its components."""
+    """Regressors (n, 8) for the depth due to a wrong shape: 1, height of the centre, the surface's normal in body axes,
+    and the absolute values of its components."""
     normal = rotation_matrix(state.attitude)[2]
     return np.concatenate([np.ones((1, len(state))), -shape.lowest(state.attitude)[2:], normal, np.abs(normal)]).T
 
 
 def _of_place(place: np.ndarray) -> np.ndarray:
-    """1, x, y, x², x y, y² (n, 6)."""
+    """Columns 1, x, y, x², x y, y² (n, 6) of h."""
     x, y = place
     return np.stack([np.ones(len(x)), x, y, x * x, x * y, y * y], axis=1)

@@ -1,10 +1,10 @@
-"""Hits among the samples of a recording in space: the noise that they show, and when the hits were.
+"""Detection of hits in the samples of a recording in space: noise of the samples, and instants of the hits.
 
-The centre of mass of a free body moves on a parabola, whatever the body turns, so that hits are found as in the plane,
-in its three coordinates (`datasets.impacts.spikes`).  The instant of a hit is where the arcs before and after come
+The centre of mass of a free body moves on a parabola for any rotation; hits are therefore detected as in the plane, in
+its three coordinates (`datasets.impacts.spikes`).  The instant of a hit is where the arcs before and after are
 closest,
 
-    t_c = −m·Δv / |Δv|²,    m = p⁺ − p⁻ at the time from which t_c counts
+    t_c = −m·Δv / |Δv|²,    m = p⁺ − p⁻ at the origin of t_c
 
 | on paper | in code | unit   | shape  |                                                                  |
 |----------|---------|--------|--------|------------------------------------------------------------------|
@@ -38,23 +38,23 @@ from thesis_lib.mechanics.space import SPACE, cross
 from thesis_lib.mechanics.state import State
 from thesis_lib.statistics.spread import MAD_TO_STD
 
-MEANS, SMOOTHED = 3, 2.0  # samples in a mean, and how much more noise than that of samples shows a filter
-GAP = 1.5  # sampling intervals, above which nothing is known between two samples
-ROUNDS = 4  # steps to the instant of a hit; each one moves it by a tenth of a frame at most after the first
+MEANS, SMOOTHED = 3, 2.0  # samples in a mean, and ratio to the noise of single samples that indicates a filter
+GAP = 1.5  # sampling intervals above which samples are not interpolated
+ROUNDS = 4  # iterations for the instant of a hit; after the first, each moves it by at most a tenth of a frame
 
 
 def readable(dataset: Dataset) -> tuple[pd.DataFrame, tuple[AsWritten, ...], tuple[str, ...]]:
-    """Rows of a dataset with all that hits are found from, in order; how quaternions must be read, if not as they are
-    written; and sentences on what was changed or left out.
+    """Rows of a dataset that can be used to detect hits, in order; how quaternions must be read, if not as written; and
+    sentences for the user on changed or omitted rows.
 
-    UserError if a body other than a ball has no orientation.
+    UserError if the orientation is missing for a body other than a ball.
     """
     table = dataset.trajectories
     assert table is not None
     turned, told = np.isfinite(table["qw"].to_numpy(float)), []
     if dataset.has_angle and not turned.all():
         told.append(
-            f"{np.sum(~turned)} of {len(turned)} rows have no orientation, and no hit or flight is found from them"
+            f"{np.sum(~turned)} of {len(turned)} rows have no orientation and are not used to detect hits and flights"
         )
         table = table[turned]
     _require_turns(dataset)
@@ -65,19 +65,19 @@ def readable(dataset: Dataset) -> tuple[pd.DataFrame, tuple[AsWritten, ...], tup
         if flipped.any():
             told.append(
                 f"in {np.sum(flipped)} of {len(flipped)} rows the orientation has jumped and soon jumps back, as if a "
-                "tag were read in its other pose: no hit or flight is found from them"
+                "tag were read in its other pose; these rows are not used to detect hits and flights"
             )
             table = table[~flipped]
     if dataset.has_angle and dataset.gravity and (name := reading_of(table, RELABELLINGS, dataset.gravity)):
         q, P = table[list(QUATERNION)].to_numpy(float), RELABELLINGS[name]
-        told.append(f"as they are written, quaternions let no body fall freely; hits and flights are found with {name}")
+        told.append(f"the quaternions as written contradict free flight; hits and flights are detected with {name}")
         return table.assign(**dict(zip(QUATERNION, (q @ P).T))), (AsWritten(P),), tuple(told)
     return table, (), tuple(told)
 
 
 def with_attitudes_later(table: pd.DataFrame, lag: float) -> pd.DataFrame:
-    """Rows, by trial and time, with the attitudes a time `lag` in s later, between those of two samples; without the
-    rows for which there are none."""
+    """Rows, by trial and time, with attitudes a time `lag` in s later, interpolated between two samples; rows for which
+    this is impossible are omitted."""
     trial, t, q = table["trial"].to_numpy(), table["t"].to_numpy(float), table[list(QUATERNION)].to_numpy(float).T
     number, step = np.unique(trial, return_inverse=True)[1], np.diff(t)
     length = float(np.ptp(t)) + 2.0 * abs(lag) + 1.0
@@ -93,13 +93,13 @@ def with_attitudes_later(table: pd.DataFrame, lag: float) -> pd.DataFrame:
 
 
 def _as_taken(table: pd.DataFrame, header: SpaceHeader) -> tuple[pd.DataFrame, tuple[str, ...]]:
-    """Rows without copies of pictures, at the times at which these were taken, and sentences on what was changed."""
+    """Rows without repeated pictures, at the times at which pictures were taken; sentences for the user on changes."""
     trial, pose = table["trial"].to_numpy(), table[[*POSITION, *QUATERNION]].to_numpy(float)
     pose = pose[:, np.isfinite(pose).all(axis=0)]
     samples = Samples(trial, table["t"].to_numpy(float), pose, np.unique(trial, return_inverse=True)[1])
     keep, copied = originals(samples)
     samples, table = replace(samples.select(keep), q=samples.q[keep, :3]), table[keep]
-    # pictures that were taken at a lower rate than stated may have been shown late
+    # pictures taken at a lower rate than stated may have late time stamps
     if found := times_of_pictures(samples, None if copied else header.rate, lengths=3):
         sure, t, stamped = found
         return table[sure].assign(t=t), tuple(filter(None, (copied, stamped)))
@@ -107,7 +107,7 @@ def _as_taken(table: pd.DataFrame, header: SpaceHeader) -> tuple[pd.DataFrame, t
 
 
 def _require_turns(dataset: Dataset) -> None:
-    """UserError for a body whose orientation must be seen, and is not."""
+    """Raise UserError if the orientation is missing but required."""
     header = dataset.in_space
     if dataset.has_angle:
         return
@@ -115,20 +115,20 @@ def _require_turns(dataset: Dataset) -> None:
     at = np.array(header.tracked.position)
     if not isinstance(header.body.solid, Sphere) or np.abs(header.body.centre).max() > 0.0:
         raise UserError(
-            f"{dataset.name}: without orientation only hits of a ball can be found, whose centre of mass is its middle."
+            f"{dataset.name}: without orientation, hits can be found only for a ball with a central centre of mass."
         )
     if np.abs(at - header.body.centre).max() > 0.0:
         raise UserError(
-            f"{dataset.name}: without orientation nobody knows where the centre of mass is, as it is not the tracked "
-            "point. Leave `tracked` out if that is the middle of the ball."
+            f"{dataset.name}: without orientation the centre of mass is unknown, because it is not the tracked point. "
+            "Omit `tracked` if the tracked point is the middle of the ball."
         )
 
 
 def noise_of_samples(samples: Samples, states: State, header: SpaceHeader) -> tuple[tuple[float, float], bool]:
-    """One sigma of the centre of mass in m and of a turn in rad, and whether it is a guess for smoothed samples.
+    """One sigma of the centre of mass in m and of a turn in rad, and whether it is an estimate for smoothed samples.
 
-    As stated, and at least what the samples show.  Noise that a filter has smoothed is that of white noise with the
-    same effect on lines.
+    The result is the stated noise, but at least the noise that the samples show.  Noise smoothed by a filter is
+    replaced by white noise with the same effect on lines.
     """
     same = (samples.run[2:] == samples.run[:-2])[:, None]
     turns = SPACE.turn_between(states.attitude[:, :-1], states.attitude[:, 1:]).T
@@ -140,14 +140,14 @@ def noise_of_samples(samples: Samples, states: State, header: SpaceHeader) -> tu
     if (stated := header.noise) is not None:
         rotation = stated.rotation or rotation
         if stated.position is not None and header.tracked is not None:
-            arm = np.linalg.norm(header.body.centre - np.array(header.tracked.position))  # across which a turn is one
+            arm = np.linalg.norm(header.body.centre - np.array(header.tracked.position))  # lever of errors of turns
             stated_position = np.sqrt(np.mean(np.square(stated.position)) + 2.0 / 3.0 * (arm * rotation) ** 2)
             position = max(position, float(stated_position))
     return (max(position, 1e-7), max(rotation, 1e-7)), is_smoothed and stated is None
 
 
 def _noise_of_means(samples: Samples, size: int) -> float:
-    """Noise of a coordinate in m by the means of `size` neighbours, times √size: the same for white noise."""
+    """Noise of a coordinate in m from means of `size` neighbours, times √size: unchanged for white noise."""
     first = np.flatnonzero(np.diff(samples.run, prepend=-1))
     within = np.arange(len(samples)) - np.repeat(first, np.diff(np.r_[first, len(samples)]))
     starts = np.flatnonzero((within % size == 0)[: len(samples) - size + 1])
@@ -158,11 +158,11 @@ def _noise_of_means(samples: Samples, size: int) -> float:
 
 @dataclass(frozen=True)
 class FoundHits:
-    """n hits among samples.
+    """n hits found in samples.
 
     | on paper | in code    | unit | shape     |                                                  |
     |----------|------------|------|-----------|--------------------------------------------------|
-    |          | `at`       | 1    | (n,)      | samples before them                              |
+    |          | `at`       | 1    | (n,)      | rows of the last samples before the hits         |
     | t_c      | `t`        | s    | (n,)      | instants, from the middle `t_0` of their windows |
     |          | `t_std`    | s    | (n,)      | their standard deviations                        |
     |          | `side`     | 1    | (n, 2, W) | samples used before and after, 0 or 1            |
@@ -179,19 +179,19 @@ class FoundHits:
 
     @property
     def trial(self) -> np.ndarray:
-        """Trials (n,)."""
+        """Trials (n,) of the hits."""
         return self.samples.trial[self.at]
 
     @property
     def instant(self) -> np.ndarray:
-        """Instants (n,) in s."""
+        """Instants (n,) of the hits in s."""
         return self.t + self.windows.t_0
 
     def guard(self, sigma: float, settings: ArcSettings, gravity: float) -> float:
-        """Time in s from a hit within which samples with the noise `sigma` in m are rounded, 0 if none are.
+        """Time in s around a hit within which samples with the noise `sigma` in m are rounded; 0 if none are.
 
-        First hits show it best: a body that hits again may have touched unseen in between.  Drag bends a path, too, and
-        is taken out before.
+        It is estimated from first hits: a body that hits again may have touched unseen in between.  The curvature due
+        to drag is removed first.
         """
         size, chosen, seen = (self.dv**2).sum(axis=1), np.diff(self.trial, prepend=-1) != 0, "before"
         if chosen.sum() < ENOUGH:
@@ -201,8 +201,8 @@ class FoundHits:
         return guard_of(kinks, samples, np.full(3, sigma), settings, seen)
 
     def corners(self, alone: np.ndarray, gravity: float) -> Corners:
-        """The hits as corners between two arcs that fall by `gravity` in m/s²; those that are not `alone` (n,) have no
-        long ones."""
+        """Hits as corners between two arcs that fall with `gravity` in m/s²; only hits that are `alone` (n,) have long
+        arcs."""
         long = alone & (self.side.sum(2).min(1) >= ARC)
         lines = lines_through(self.side, *_falls(self.windows, self.t, gravity))
         place = self.windows.q_0 + lines.value.mean(axis=1)
@@ -210,22 +210,22 @@ class FoundHits:
 
 
 def _falls(windows: Windows, t: np.ndarray, gravity: float) -> tuple[np.ndarray, np.ndarray]:
-    """Times (n, W) in s from the instants `t` (n,), and places (n, W, 3) in m without the free fall since then."""
+    """Times (n, W) in s from the instants `t` (n,), and positions (n, W, 3) in m minus the free fall since then."""
     tau = windows.t - t[:, None]
     return tau, windows.q + 0.5 * gravity * (tau**2)[..., None] * [0.0, 1.0, 0.0]
 
 
 def find_hits(samples: Samples, clock: Header, sigma: float, settings: ArcSettings) -> FoundHits:
-    """The hits among samples with the noise `sigma` in m; `clock` is what detection knows of the recording."""
+    """Hits found in samples with the noise `sigma` in m; `clock` is the header of the recording for the detection."""
     at = detect(samples, clock, np.full(3, sigma), settings)
-    # the instant of a hit with another one near runs away, and would leave the flight beside it a sample behind the hit
+    # otherwise the instant of a hit near another one could diverge, and leave a sample on the wrong side of the hit
     windows = windows_around(samples, at, settings.max_window, beyond=0)
     t, side, lines, dv = np.zeros(len(at)), np.zeros((len(at), 2, windows.t.shape[1])), None, np.zeros((len(at), 3))
     for _ in range(ROUNDS):
         side = sides_of(windows, t, settings, None)
         tau, falls = _falls(windows, t, clock.gravity)
         for way, used in ((1, side[:, 0]), (-1, side[:, 1])):
-            for _ in range(MOST_SKIPPED):  # the next hit may have come earlier than it was detected
+            for _ in range(MOST_SKIPPED):  # the next hit may have occurred earlier than detected
                 used *= 1.0 - end_off_line(used, tau, falls, np.full(3, sigma), way)
         lines = lines_through(side, tau, falls)
         dv, miss = lines.slope[:, 1] - lines.slope[:, 0], lines.value[:, 1] - lines.value[:, 0]
@@ -237,10 +237,10 @@ def find_hits(samples: Samples, clock: Header, sigma: float, settings: ArcSettin
 
 
 def turning_pull(states: State, arm: np.ndarray) -> np.ndarray:
-    """ω × (ω × r) (3, N) in m/s² of a tracked point at r = `arm` (3, N) in m from the centre of mass, with the spin
-    between the samples beside each; 0 at the ends of trials.
+    """Acceleration ω × (ω × r) (3, N) in m/s² of a tracked point at r = `arm` (3, N) in m from the centre of mass, with
+    the spin from the neighbouring samples; 0 at the ends of trials.
 
-    A filter smooths the tracked place, which turns about the centre of mass.
+    A filter smooths the position of the tracked point, which turns about the centre of mass.
     """
     inner = np.flatnonzero(states.trial[2:] == states.trial[:-2]) + 1
     turn = SPACE.turn_between(states.attitude[:, inner - 1], states.attitude[:, inner + 1])
@@ -250,7 +250,7 @@ def turning_pull(states: State, arm: np.ndarray) -> np.ndarray:
 
 
 def between_samples(states: State, samples: Samples, at: np.ndarray, t: np.ndarray) -> State:
-    """States (n,) at the instants `t` (n,) in s between the samples `at` (n,) and the next ones, attitudes turned."""
+    """States (n,) at the samples `at` (n,), with attitudes interpolated to the instants `t` (n,) in s after them."""
     first, last = states.attitude[:, at], states.attitude[:, at + 1]
     share = np.clip((t - samples.t[at]) / (samples.t[at + 1] - samples.t[at]), 0.0, 1.0)
     attitude = SPACE.attitude_after(first, share * SPACE.turn_between(first, last))

@@ -1,12 +1,12 @@
-"""Orientations that come later than positions, as of a tracker with a clock or a filter of its own for each.
+"""Time lag of orientations behind positions, for example of a tracker with separate clocks or filters for them.
 
-Two places show it.  At a hit the attitudes change their course later than the places do (`lag_of_attitudes`).  In
-flight the believed centre of mass, c = p − R o, leaves its parabola: attitudes that come a time L late move it by
+The lag is visible in two ways.  At a hit the attitudes change later than the positions (`lag_of_attitudes`).  In
+flight the believed centre of mass, c = p − R o, leaves its parabola (`lag_in_flight`): a lag L moves it by
 
     R(t) o − R(t − L) o = L (R o)˙
 
-(`lag_in_flight`).  The first is more precise.  But of a body that turns far meanwhile a hit looks like two, one of the
-place and one of the turn, so that no hit shows a lag of several samples.
+The first method is more precise.  If the body turns far within the lag, however, a hit appears as two, one in position
+and one in rotation; hits therefore do not reveal a lag of several samples.
 """
 
 import numpy as np
@@ -18,25 +18,25 @@ from thesis_lib.mechanics.space import rotation_matrix
 from thesis_lib.mechanics.state import State
 from thesis_lib.statistics.spread import MEDIAN, robust_std
 
-FEWEST = 6  # hits that show a lag
-SUREST, ENOUGH = 0.2, 12  # share of the hits whose changes of spin are known best, and how many of them show it well
-SURE = 3.0  # standard errors by which it is there
-LATE, REST = 1e-3, 3e-4  # s; arcs that air or a tilt bends meet some 0.2 ms beside the hit
-LASTING = (0.12, 0.16, 0.22)  # s, pieces of flight: a body must turn in them, and hits end them
-SHORTEST, FEWEST_PIECES = 10, 25  # samples of a piece, and pieces without a hit
-FLIES = 0.5  # share of gravity by which the acceleration of a free body may seem to differ
-MODES = 4  # powers of time beyond the parabola that show how a body turns
-CLEAN, LEAST_CLEAN = 0.25, 1.5  # share of the pieces that hold no hit, and how much rougher those are that do
-BISQUARE, ROUNDS = 4.0, 20  # of the median misfit, beyond which a piece has no say
-EXACT = 1e-12  # m; a misfit of rounding
-EXPLAINED, CLEAR = 0.5, 8.0  # share of the squares that a lag must explain, and its own standard errors
+FEWEST = 6  # hits needed to determine a lag
+SUREST, ENOUGH = 0.2, 12  # fraction of the hits, with the best known changes of spin, and their sufficient number
+SURE = 3.0  # standard errors by which a lag is significant
+LATE, REST = 1e-3, 3e-4  # s, least lags; arcs bent by air or a tilt meet about 0.2 ms from the hit
+LASTING = (0.12, 0.16, 0.22)  # s, pieces of flight, in which a body must turn; hits end them
+SHORTEST, FEWEST_PIECES = 10, 25  # least samples of a piece, and pieces without a hit
+FLIES = 0.5  # fraction of gravity by which the apparent acceleration of a free body may differ
+MODES = 4  # powers of time beyond the parabola that describe the rotation of a body
+CLEAN, LEAST_CLEAN = 0.25, 1.5  # fraction of the pieces without a hit, and ratio of misfits that indicates a hit
+BISQUARE, ROUNDS = 4.0, 20  # ratio to the median misfit beyond which a piece has zero weight; iterations
+EXACT = 1e-12  # m; misfit due to rounding
+EXPLAINED, CLEAR = 0.5, 8.0  # fraction of the squares that a lag must explain, and its least significance in sigmas
 
 
 def lag_in_flight(samples: Samples, states: State, arm: np.ndarray, gravity: float) -> float:
-    """Time in s by which attitudes come later than places, as the paths of the believed centre of mass show it.
+    """Lag in s of attitudes behind positions, from the paths of the believed centre of mass; 0 if not clear.
 
-    0 where that is not clear.  `arm` (3, N) in m is the tracked point seen from that centre.  A tracked point that lies
-    elsewhere on the body, and turns with it, does not count as a lag.
+    `arm` (3, N) in m is the tracked point relative to that centre.  A wrong position of the tracked point on the body,
+    which turns with the body, does not count as a lag.
     """
     step = np.diff(samples.t)[np.diff(samples.run) == 0]
     interval = float(np.median(step)) if len(step) else 1.0
@@ -49,7 +49,7 @@ def lag_in_flight(samples: Samples, states: State, arm: np.ndarray, gravity: flo
 def _lag_of_pieces(
     samples: Samples, states: State, arm: np.ndarray, gravity: float, size: int
 ) -> tuple[float, float, float] | None:
-    """The lag in s, its standard error, and the share of squares that it explains; None of too few pieces."""
+    """Lag in s, its standard error, and the fraction of squares that it explains; None if there are too few pieces."""
     first = np.arange(0, len(samples) - size + 1, size // 2)
     index = first[samples.run[first] == samples.run[first + size - 1], None] + np.arange(size)
     t = samples.t[index]
@@ -60,8 +60,8 @@ def _lag_of_pieces(
     index, powers, half = index[flies], powers[flies], half[flies]
     if len(index) < FEWEST_PIECES:
         return None
-    # places, how a lag moves them, and how a tracked point does that is elsewhere; slopes of a polynomial, as noise
-    # that both sides of a regression share lets it see less
+    # positions, their change by a lag, and by a shift of the tracked point; slopes are those of a polynomial, because
+    # noise common to both sides of a regression would bias it
     course = np.einsum("nkw,anw->ank", np.linalg.pinv(powers), arm[:, index])
     slope = np.einsum("nwk,ank->anw", powers[..., :-1], course[..., 1:] * np.arange(1, 3 + MODES)) / half
     paths = np.stack([states.position[:, index], slope, *rotation_matrix(states.attitude[:, index]).swapaxes(0, 1)])
@@ -81,19 +81,19 @@ def _lag_of_pieces(
         value = inverse @ np.einsum("n,nri,nr->i", weight, X, y)
         left = y - X @ value
     share = 1.0 - weight @ (left**2).sum(axis=1) / max(weight @ (y**2).sum(axis=1), EXACT**2)
-    # neighbouring pieces share half of their samples
+    # neighbouring pieces have half of their samples in common
     return float(value[0]), float(scale * np.sqrt(2.0 * inverse[0, 0])), float(share)
 
 
 def lag_of_attitudes(fitted: SideLines, least: float = LATE) -> float:
-    """Time in s by which attitudes change their course later than places do, 0 where not clear or below `least`.
+    """Lag in s of the change of attitudes at hits behind the change of positions; 0 if not clear or below `least`.
 
-    Attitudes that come a time L late miss each other by −L Δω where the places meet, as seen best at hits whose Δω is
-    known best.
+    With a lag L, the attitudes before and after differ by −L Δω where the positions meet; hits with the best known Δω
+    are used.
     """
     turn, spun = turned(fitted)
     square = np.maximum((spun**2).sum(axis=1), 1e-9)
-    # between quick hits windows are so short that the samples of another flight hide a lag
+    # between quick hits windows are short, and samples of another flight hide a lag
     unsure = np.trace(fitted.cov[:, :, 7::2, 7::2].sum(axis=1), axis1=1, axis2=2) / square
     sure = np.argsort(unsure, kind="stable")[: max(round(SUREST * len(unsure)), ENOUGH)]
     if len(sure) < FEWEST:
@@ -104,12 +104,12 @@ def lag_of_attitudes(fitted: SideLines, least: float = LATE) -> float:
 
 
 def lag_warning(lag: float) -> tuple[str, ...]:
-    """A sentence for the user on attitudes that come `lag` in s behind the places, if they do."""
+    """Sentence for the user on a `lag` in s of attitudes behind positions; empty without a lag."""
     if not lag:
         return ()
     where = "behind" if lag > 0.0 else "ahead of"
     return (
-        f"At hits orientations come {1e3 * abs(lag):.2g} ms {where} positions, as if they had a clock or a filter of "
-        "their own. Hits and flights are found with orientations at the instants of positions; models are compared "
-        "with the times that the file states.",
+        f"At hits orientations come {1e3 * abs(lag):.2g} ms {where} positions, as if they had a separate clock or "
+        "filter. Hits and flights are detected with orientations shifted to the instants of positions; models are "
+        "compared at the times in the file.",
     )

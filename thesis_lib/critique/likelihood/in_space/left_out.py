@@ -1,6 +1,6 @@
-"""Evidence that a hit does not stand alone between two free flights.
+"""Evidence that a hit is not a single hit between two free flights.
 
-Another hit in the window, hops where samples are rounded, and balls that only seem to bounce.
+Checks for another hit in the window, unobserved hops where samples are rounded, and balls that only appear to bounce.
 """
 
 import numpy as np
@@ -11,15 +11,15 @@ from thesis_lib.datasets.flights.lines import SideLines, lines_through
 from thesis_lib.mechanics.space import SPACE, rotation_matrix
 from thesis_lib.statistics.spread import robust_std
 
-IMPROBABLE = 1e-6  # of χ² without another hit in the window
-CLEAN = 0.25  # share of the hits that usually have no other one in their window
-SLACK = 4.0  # of χ², for slow errors, where fewer are clean
-CLEANEST = 0.05  # share of the hits that have no other one in their window, at least
-CHANCE = 1e-3  # of χ² of a hit that is as clean as those
-COMMON = (0.1, 1.0, 1.0, 0.3)  # m, m/s², 1/s and 1/m: one sigma of what all hits share before they are seen
-ODD, ROUNDS = 3.0, 5  # misfits of a clean hit, from which on one has no say in that; fits of it
-DEEP, UNSEEN_HOP = 5.0, 0.25  # robust standard deviations, and share of the guard, by which a body has hopped unseen
-RISE = 0.15  # m/s between hits of a ball; a wrong centre of mass moves speeds by some 0.05 m/s
+IMPROBABLE = 1e-6  # probability of a larger χ² without another hit in the window
+CLEAN = 0.25  # fraction of the hits that usually have no other hit in their window
+SLACK = 4.0  # factor on χ², for slow errors, if fewer hits are clean
+CLEANEST = 0.05  # least fraction of the hits that have no other hit in their window
+CHANCE = 1e-3  # probability of a larger χ² of an equally clean hit
+COMMON = (0.1, 1.0, 1.0, 0.3)  # m, m/s², 1/s and 1/m: prior sigmas of errors common to all hits
+ODD, ROUNDS = 3.0, 5  # ratio to the misfit of clean hits beyond which a hit is excluded; iterations
+DEEP, UNSEEN_HOP = 5.0, 0.25  # robust standard deviations, and fraction of the guard, that indicate an unseen hop
+RISE = 0.15  # m/s between hits of a ball; a wrong centre of mass changes speeds by about 0.05 m/s
 
 
 def off_free_motion(
@@ -32,12 +32,12 @@ def off_free_motion(
     noise: tuple[float, float],
     lag: float,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """χ² (n, 2) by which places and turns miss free motion on both sides and its meeting, and degrees of freedom (n,).
+    """χ² (n, 2) of positions and turns against continuous free motion on both sides, and degrees of freedom (n, 2).
 
-    What all hits share, another centre of mass, gravity or drag, counts as no misfit.  The places may not meet along
-    Δv, which the instant takes up, and turns that come `lag` in s behind them meet later.
+    Errors common to all hits (centre of mass, gravity, drag) do not count as misfit.  A gap of the positions along Δv
+    is ignored, because it belongs to the instant; turns with the `lag` in s behind positions meet later.
     """
-    off, dof = np.zeros((len(tau), 2)), 3.0 * used.sum((1, 2)) - 10.0  # 12 parameters, 2 of the places meet
+    off, dof = np.zeros((len(tau), 2)), 3.0 * used.sum((1, 2)) - 10.0  # 12 parameters, 2 constraints
     if not len(tau):
         return off, off
     fall = 0.5 * gravity * np.array([0.0, 0.0, 1.0])
@@ -67,8 +67,8 @@ def off_free_motion(
 
 
 def _common_paths(pose: np.ndarray, tau: np.ndarray, slope: np.ndarray) -> np.ndarray:
-    """How places (n, W, 3 · 8) move that the centre of mass is 1 m elsewhere, by axis of the body, that gravity differs
-    by 1 m/s², by axis of the surface, and that drag is 1/s or 1/m; each place has one value for each of these eight.
+    """Changes (n, W, 3 · 8) of positions: if the centre of mass is shifted by 1 m (3 body axes), gravity by 1 m/s²
+    (3 surface axes), and if drag is 1/s or 1/m; 8 values for each component of a position.
 
     `slope` (n, 2, 3) in m/s are the velocities on both sides.
     """
@@ -81,9 +81,9 @@ def _common_paths(pose: np.ndarray, tau: np.ndarray, slope: np.ndarray) -> np.nd
 
 
 def _without_common(off: np.ndarray, paths: np.ndarray, dof: np.ndarray) -> np.ndarray:
-    """Misfits (n, r) without what one centre of mass, gravity and drag of all hits explain by `paths` (n, r, 8).
+    """Misfits (n, r) minus the part that a common centre of mass, gravity and drag explain with `paths` (n, r, 8).
 
-    None of them is known yet, and they would pass for noise.
+    These are not known yet, and would otherwise appear as noise.
     """
     prior, left = np.diag(np.repeat(COMMON, (3, 3, 1, 1)) ** -2.0), off
     for _ in range(ROUNDS):
@@ -95,7 +95,7 @@ def _without_common(off: np.ndarray, paths: np.ndarray, dof: np.ndarray) -> np.n
 
 
 def _of_clean(off: np.ndarray, dof: np.ndarray) -> float:
-    """Median of χ² over degrees of freedom (n,) among the hits that differ from the cleanest ones by chance alone."""
+    """Median of χ² per degree of freedom among the hits (n,) that are consistent with the cleanest ones."""
     ratio, limit = off / dof, chi2.isf(CHANCE, dof) / dof
     grown = float(np.quantile(ratio, CLEANEST))
     for _ in range(ROUNDS):
@@ -104,29 +104,29 @@ def _of_clean(off: np.ndarray, dof: np.ndarray) -> float:
 
 
 def has_another_hit(off: np.ndarray, dof: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Whether the samples beside hits (n,) are not those of two free flights, by how much more than noise (2,) all
-    squares of places and turns have grown, and by how much more (2,) they still may in a free flight.
+    """Whether the samples around hits (n,) deviate from two free flights; factors (2,) by which all squares of
+    positions and turns exceed the noise; further factors (2,) allowed in a free flight.
 
-    From what `off_free_motion` returns.
+    The arguments are the results of `off_free_motion`.
     """
     if not len(off):
         return np.zeros(0, bool), np.ones(2), np.ones(2)
-    # noise beyond what is believed shows in all hits, another hit in many: boxes that land on an edge rattle
+    # excess noise affects all hits, another hit only some, though many: boxes that land on an edge rattle
     grown = np.array([max(_of_clean(*one), 1.0) for one in zip(off.T, dof.T)])
-    # a filter leaves as much noise in a line, but in fewer degrees of freedom
+    # a filter preserves the noise of a line, but with fewer degrees of freedom
     free = np.quantile(off / chi2.ppf(CLEAN, dof), CLEAN, axis=0)
-    # slow errors of a camera are more than noise says, too, and less than another hit, where hits are rarely clean
+    # slow errors of a camera also exceed the noise, but less than another hit, if hits are rarely clean
     slack = np.clip(np.quantile(off / dof, CLEAN, axis=0) / grown, 1.0, SLACK)
     off, dof = off / (slack * grown), dof * np.minimum(free, 1.0)
     return np.any(off > chi2.isf(IMPROBABLE, dof), axis=1), grown, slack
 
 
 def hops_unseen(sunk: np.ndarray, speeds: np.ndarray, shape: np.ndarray, guard: float) -> np.ndarray:
-    """Which hits (n,) are several, of a body that has hopped within the `guard` in s, where samples are rounded.
+    """Mask (n,) of hits that are several hits of a body that hopped within the `guard` in s, where samples are rounded.
 
-    The arcs before the first hit and after the last one then meet deep below the surface.  `sunk` (n,) in m is how
-    deep, `speeds` (n, 2) in m/s are those of the contact points across the surface, before (down) and after (up), and
-    `shape` (n, c) are columns by which a wrong shape would sink a body.
+    The arcs before the first hit and after the last hit then meet far below the surface.  `sunk` (n,) in m is this
+    depth, `speeds` (n, 2) in m/s are the normal speeds of the contact points, before (down) and after (up), and `shape`
+    (n, c) are regressors for the depth due to a wrong shape.
     """
     usual = np.ones(len(sunk), bool)
     left = sunk - np.median(sunk) if len(sunk) else sunk
@@ -140,9 +140,9 @@ def hops_unseen(sunk: np.ndarray, speeds: np.ndarray, shape: np.ndarray, guard: 
 
 
 def rolls(speeds: np.ndarray, at: np.ndarray, trial: np.ndarray) -> np.ndarray:
-    """Which of the hits (N,) of a ball come from its first rise on in their trial.
+    """Mask (N,) of the hits of a ball from the first increase of its speed on, in each trial.
 
-    `speeds` (n, 2) are those of the hits `at` (n,) across the surface, before and after.
+    `speeds` (n, 2) are the normal speeds before and after the hits `at` (n,).
     """
     rises = np.zeros(len(trial), int)
     rises[at] = _risen(speeds, trial[at])
@@ -151,10 +151,10 @@ def rolls(speeds: np.ndarray, at: np.ndarray, trial: np.ndarray) -> np.ndarray:
 
 
 def _risen(speeds: np.ndarray, trial: np.ndarray) -> np.ndarray:
-    """At which hits (n,) of a ball its speed across the surface (n, 2), before and after a hit, has risen.
+    """Mask (n,) of hits of a ball at which its normal speed (n, 2), before and after a hit, has increased.
 
-    A ball bounces lower and lower, and then it rolls.  Where it is not tracked in its middle and its turns are misread,
-    a ball that rolls seems to rise and to fall.
+    A ball bounces lower and lower, and then rolls.  If the tracked point is not its centre and its turns are misread, a
+    rolling ball appears to rise and fall.
     """
     up = np.zeros(len(speeds), bool)
     for one in np.unique(trial):

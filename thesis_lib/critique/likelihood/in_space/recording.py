@@ -1,7 +1,7 @@
-"""A recording of a body in space as hits are looked for in it, given what earlier looks at it have found.
+"""Recording of a body in space, prepared for the detection of hits with the results of earlier passes.
 
-A look that finds something which the next one has to take into account (orientations that come late, a filter, longer
-contacts, a surface that is not where it was believed to be) ends there, and the recording is looked at again.
+A pass ends when it finds something that the detection must take into account (delayed orientations, a filter, longer
+contacts, a surface that is not at the believed position); a new pass then starts with this knowledge.
 """
 
 from dataclasses import dataclass, replace
@@ -29,19 +29,19 @@ from thesis_lib.effects.as_written import AsStamped
 from thesis_lib.effects.effect import Rig
 from thesis_lib.mechanics.state import State
 
-MOST_LAGS = 6  # steps to the lag of orientations; each one leaves less than half of it
-TO_PLANE = [0, 2, 1]  # t_1, n, t_2: detection takes the second coordinate as the height
+MOST_LAGS = 6  # iterations for the lag of orientations; each one more than halves it
+TO_PLANE = [0, 2, 1]  # t_1, n, t_2: the detection uses the second coordinate as height
 
 
 @dataclass(frozen=True)
 class Known:
-    """What earlier looks have found.
+    """Results of earlier passes.
 
     Attributes:
-        guard: s; samples nearer to a hit belong to neither flight, at least.
-        lags: times in s by which orientations come later than positions, each after those before it.
-        low_pass: a filter that has lowered all free falls.
-        ground: where bodies touch, if it is elsewhere than believed.
+        guard: s, least dead time: samples nearer to a hit are assigned to no flight.
+        lags: successive corrections in s of the lag of orientations behind positions.
+        low_pass: filter that has lowered all free falls.
+        ground: surface on which bodies touch, if it differs from the believed surface.
     """
 
     guard: float
@@ -51,15 +51,15 @@ class Known:
 
     @property
     def seeks_lags(self) -> bool:
-        """Whether orientations may still be found to come later."""
+        """Whether further corrections of the lag of orientations are allowed."""
         return len(self.lags) < MOST_LAGS
 
     def is_late(self, lag: float, guard: float) -> bool:
-        """Whether orientations that come `lag` in s late are put in step; the first time it is longer than `guard`."""
+        """Whether the `lag` in s of orientations is to be corrected; the first time only if it exceeds `guard`."""
         return self.seeks_lags and abs(lag) > (0.0 if self.lags else guard)
 
     def with_lag(self, lag: float, interval: float) -> "Known":
-        """With another lag: an attitude between two samples is of neither flight where there was a hit between them."""
+        """Copy with a further lag; the guard excludes interpolated attitudes between samples on both sides of a hit."""
         return replace(self, lags=(*self.lags, lag), guard=max(self.guard, interval))
 
 
@@ -68,17 +68,17 @@ class TossRecording:
     """Samples of a body in space, in the frame of the surface.
 
     Attributes:
-        dataset: with the pose of the tracked frame, if it had to be found.
-        settings: of the detection, with the guard that is known.
-        rig: as believed; `looks` has the ground on which hits are looked for.
-        states: (N,) of the centre of mass.
-        lever: (3, N) m, from it to the tracked point.
-        samples: the same for the detection of hits; `clock` is its header.
-        times, interval: (N,) s, which rise over all trials, and between two samples.
-        noise: one sigma of a place in m and of a component of a turn in rad; `smoothed`: samples hide it.
+        dataset: dataset, completed by the pose of the tracked frame if it had to be determined.
+        settings: settings of the detection, with the known guard.
+        rig: believed rig; `looks` also has the ground for the detection of hits.
+        states: (N,) states of the centre of mass.
+        lever: (3, N) m, from the centre of mass to the tracked point.
+        samples: positions for the detection of hits; `clock` is their header.
+        times, interval: (N,) s, increasing over all trials; s between two samples.
+        noise: one sigma of a position in m and of a component of a turn in rad; `smoothed`: samples hide it.
         soft: contacts too long for impulses.
         warnings: sentences for the user.
-        written: what is known of how the columns are written.
+        written: effects that describe how the columns of the file are written.
     """
 
     dataset: Dataset
@@ -98,7 +98,7 @@ class TossRecording:
 
     @classmethod
     def of(cls, dataset: Dataset, settings: ArcSettings, known: Known) -> "TossRecording":
-        """The recording of a dataset whose pose in the tracked frame is known."""
+        """Recording of a dataset whose pose in the tracked frame is known."""
         header, settings = dataset.in_space, settings.model_copy(update={"guard": known.guard})
         whole, written, warnings = readable(dataset)
         if late := sum(known.lags):
@@ -111,7 +111,7 @@ class TossRecording:
             pull = rig.fall(states)[:3] + turning_pull(states, lever)
             states = states.changed(states.position - 0.5 * known.low_pass.second_moment * pull)
             lever = frame.seen(tracked).position - states.position
-        clock = Header.model_validate(  # what detection asks of a dataset in the plane: a third coordinate is in m, too
+        clock = Header.model_validate(  # header that the planar detection requires; the third coordinate is in m, too
             {"schema": 1, "body": {"shape": {"kind": "disk", "radius": 2.0}, "radius_of_gyration": 1.0}}
             | {"gravity": dataset.gravity, "rate": dataset.rate}
         )

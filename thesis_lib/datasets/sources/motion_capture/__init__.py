@@ -1,1 +1,1 @@
-"""Motions in space as motion capture systems and ROS write them: a reader for each format."""
+"""Readers of motions in space, one for each format of motion capture systems and ROS."""

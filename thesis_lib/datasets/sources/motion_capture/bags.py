@@ -1,11 +1,11 @@
-"""ROS bags without ROS: poses of a body in ROS 2 bags (.mcap, .db3, a folder of them) and ROS 1 bags (.bag).
+"""Reading ROS bags without ROS: poses of a body in ROS 2 bags (.mcap, .db3, a folder of them) and ROS 1 bags (.bag).
 
-A body is a topic of poses or of points, or one of many in a topic, by its name or number (`pose_messages`).  Times are
-those of the headers; messages without one have only the time at which they arrived.  Types are those that the package
-rosbags brings, and those that are defined in `pose_messages`: definitions in a stranger's bag are compared with these,
-and never turned into code.
+A body is a topic of poses or points, or one of many in a topic, identified by name or number (`pose_messages`).  Times
+are taken from message headers; messages without a header have only their time of arrival.  The known message types are
+those of the package rosbags and those defined in `pose_messages`: definitions in a bag are compared with these, and
+never turned into code.
 
-What is compressed says how large it will be, and is taken at its word before anything is unpacked.
+Compressed data are unpacked only up to a limit; a chunk of an MCAP file must not exceed the size that it states.
 """
 
 import re
@@ -27,8 +27,8 @@ from thesis_lib.foundation.errors import UserError, first_line
 from thesis_lib.foundation.regular_file import MissingFile, regular_size
 
 SUFFIXES = (".bag", ".mcap", ".db3")
-MAX_BAG = 20_000_000_000  # bytes; poses may stand beside pictures
-MAX_CHUNK = 128_000_000  # bytes unpacked at once; recorders make chunks of a few
+MAX_BAG = 20_000_000_000  # bytes; a bag may also hold pictures
+MAX_CHUNK = 128_000_000  # bytes unpacked at once; recorders write much smaller chunks
 MAX_POSES = 20_000_000
 MAX_BODIES = 10_000
 PACKAGE = "rosbags"
@@ -36,7 +36,7 @@ MAGIC = {
     ".bag": b"#ROSBAG V2.0\n",
     ".mcap": b"\x89MCAP0\r\n",
     ".db3": b"SQLite format 3\x00",
-}  # what such files begin with
+}  # first bytes of such files
 OLD_TRANSFORMS = "tf/msg/tfMessage"  # the same content as `TRANSFORMS`
 MAX_DEFINITION = 100_000  # characters
 
@@ -46,20 +46,20 @@ class _Body:
     """Samples of one body, in order of arrival."""
 
     parent: str = ""
-    stamp: list[int] = field(default_factory=list)  # ns, of the header; 0 without
+    stamp: list[int] = field(default_factory=list)  # ns, of the header; 0 without a header
     arrival: list[int] = field(default_factory=list)  # ns
     poses: list[Pose] = field(default_factory=list)
 
 
 def is_bag(path: Path) -> bool:
-    """Whether a path is that of a bag: by its ending, or a folder with files of such."""
+    """Whether a path is a bag: a file with such an ending, or a folder with such files."""
     return path.suffix.lower() in SUFFIXES or (path.is_dir() and bool(_storages(path)))
 
 
 def read_bag(path: Path, body: str | None, warnings: list[str]) -> Motion:
-    """The motion of `body` (by default the only one): a topic, or topic:frame for transforms; an end of it will do.
+    """The motion of `body` (by default the only one): a topic, or topic:frame for transforms; the end of it suffices.
 
-    UserError if the package is not installed, the file is not a bag that can be read, or the body is not in it.
+    UserError if the package is not installed, the file is not a readable bag, or the body is not in it.
     """
     if find_spec(PACKAGE) is None:
         raise UserError(f"{path} is a bag of ROS; reading it needs a package: pip install {PACKAGE}.")
@@ -70,11 +70,11 @@ def read_bag(path: Path, body: str | None, warnings: list[str]) -> Motion:
         try:
             regular_size(storage, MAX_BAG)
         except MissingFile as error:
-            raise UserError(f"{storage} does not exist; give a bag.") from error
+            raise UserError(f"{storage} does not exist; give the path of a bag.") from error
         with _named(storage):
             with storage.open("rb") as file:
                 if not file.read(16).startswith(MAGIC[storage.suffix.lower()]):
-                    raise ValueError("it does not begin as such a file does")
+                    raise ValueError("its first bytes are not those of such a file")
             _collect(storage, bodies, topics)
     others = first_of([f"{topic[:60]} ({kind})" for topic, kind in topics.items()], 20) or "nothing"
     if not bodies:
@@ -104,14 +104,14 @@ def _named(path: Path) -> Iterator[None]:
     # readers of damaged files raise errors of many kinds, MemoryError among them
     except Exception as error:
         raise UserError(
-            f"{path} cannot be read as a bag ({first_line(error)}). Is it whole? Bags that ROS 2 compressed as files "
-            "or by message are unpacked with 'ros2 bag convert', bags without an index mended with 'rosbag reindex'."
+            f"{path} cannot be read as a bag ({first_line(error)}). Is it complete? Unpack bags that ROS 2 compressed "
+            "by file or by message with 'ros2 bag convert'; repair bags without an index with 'rosbag reindex'."
         ) from error
 
 
 @cache
 def _types(old: bool):
-    """The message types of ROS 1 or 2, from the package; making them takes half a second."""
+    """The message types of ROS 1 or 2, from the package; creating them takes half a second."""
     from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
     store = get_typestore(Stores.ROS1_NOETIC if old else Stores.ROS2_HUMBLE)
@@ -123,7 +123,7 @@ def _types(old: bool):
 
 
 def _collect(path: Path, bodies: dict[str, _Body], topics: dict[str, str]) -> None:
-    """Add the poses of one file to `bodies`, and all it has to `topics`: name -> type and number of messages."""
+    """Add the poses of one file to `bodies`, and its topics to `topics`: name -> type and number of messages."""
     old = path.suffix.lower() == ".bag"
     store = _types(old)
     if old:
@@ -149,7 +149,7 @@ def _collect(path: Path, bodies: dict[str, _Body], topics: dict[str, str]) -> No
             # ROS 1 states the MD5 sum of a definition, ROS 2 the definition
             if not (one.digest == store.generate_msgdef(kind)[1] if old else _same_fields(one, kind, store)):
                 raise UserError(
-                    f"{path}: {one.topic} has messages {one.msgtype} that are not the standard ones of this name."
+                    f"{path}: {one.topic} has messages {one.msgtype} whose definition is not the standard one."
                 )
         if not wanted:
             return
@@ -161,7 +161,7 @@ def _collect(path: Path, bodies: dict[str, _Body], topics: dict[str, str]) -> No
                 body = bodies.setdefault(name, _Body(parent))
                 if body.parent != parent:
                     raise UserError(
-                        f"{path}: {name} is told in the frame '{parent}' and in '{body.parent}'; record one of them."
+                        f"{path}: {name} is given in the frame '{parent}' and in '{body.parent}'; record it in one."
                     )
                 body.stamp.append(stamp)
                 body.arrival.append(int(arrival))
@@ -181,19 +181,19 @@ def _motion(path: Path, name: str, body: _Body, warnings: list[str]) -> Motion:
     if (stamp == 0).any():
         ns = arrival
         warnings.append(
-            f"{path.name}: {name} has no time stamps, so its times are those of arrival, later than exposure "
-            "and uneven; publish messages with a header, if you can"
+            f"{path.name}: {name} has no time stamps, so its times are those of arrival, which are later "
+            "than exposure and uneven; if possible, publish messages with a header"
         )
     ns, first = np.unique(ns, return_index=True)
     if len(first) < len(body.poses):
         warnings.append(
-            f"{path.name}: {len(body.poses) - len(first)} messages of {name} left out, of times that came before"
+            f"{path.name}: {len(body.poses) - len(first)} messages of {name} left out because their times are repeated"
         )
     poses = np.array(body.poses)[first]
     with np.errstate(invalid="ignore"):
         poses[~(np.abs(poses) < 1e9)] = np.nan
     quaternion = poses[:, 3:]
-    quaternion[~np.any(np.abs(quaternion) > 0.0, axis=1)] = np.nan  # ROS writes zeros where it has no rotation
+    quaternion[~np.any(np.abs(quaternion) > 0.0, axis=1)] = np.nan  # ROS writes zeros if there is no rotation
     t = (ns - ns[0]) / 1e9
     if not np.isfinite(quaternion).all(axis=1).any():
         return Motion.of_point(name, str(path), t, poses[:, :3])
@@ -201,7 +201,7 @@ def _motion(path: Path, name: str, body: _Body, warnings: list[str]) -> Motion:
 
 
 def _same_fields(connection, kind: str, store) -> bool:
-    """Whether a type of a ROS 2 bag has the fields that its name stands for, as far as the bag says."""
+    """Whether a message type of a ROS 2 bag has the standard fields of its name, as far as the bag states them."""
     from rosbags.interfaces import MessageDefinitionFormat
     from rosbags.typesys import get_types_from_msg
 
@@ -213,7 +213,7 @@ def _same_fields(connection, kind: str, store) -> bool:
 
 
 def _bound_chunks(reader) -> None:
-    """Make a reader of ROS 1 bags unpack no chunk beyond `MAX_CHUNK`."""
+    """Limit the size to which a reader of ROS 1 bags unpacks a chunk to `MAX_CHUNK`."""
     import bz2
 
     import lz4.frame
@@ -235,7 +235,7 @@ def _bound_chunks(reader) -> None:
 
 
 def _check_database(path: Path) -> None:
-    """ValueError if a database has more than tables and indexes: a view or a computed column can run without end."""
+    """ValueError if a database has anything but tables and indexes: views and computed columns may run without end."""
     import sqlite3
 
     if any(mark in str(path) for mark in "?#%"):
@@ -252,7 +252,7 @@ def _check_database(path: Path) -> None:
 
 
 def _check_chunks(path: Path) -> None:
-    """ValueError if a chunk of an MCAP file unpacks to more than `MAX_CHUNK`, or to more than it says.
+    """ValueError if a chunk of an MCAP file unpacks to more than `MAX_CHUNK`, or to more than it states.
 
     https://mcap.dev/spec: records of an opcode (1 byte), a length (8 bytes) and their content; a chunk has two times,
     the unpacked size (8 bytes each), a checksum (4), the compression (a string) and the data, each after its length.
@@ -268,7 +268,7 @@ def _check_chunks(path: Path) -> None:
             opcode, length = struct.unpack("<BQ", file.read(9))
             start = file.tell()
             if opcode == 0 or start + length > size:
-                return  # the reader tells what is wrong
+                return  # the reader reports the error
             if opcode == 0x06 and length >= 32:
                 _, _, unpacked, _, letters = struct.unpack("<QQQII", file.read(32))
                 if unpacked > MAX_CHUNK or length > MAX_CHUNK:
@@ -278,5 +278,5 @@ def _check_chunks(path: Path) -> None:
                     file.read(8)
                     data = file.read(max(0, start + length - file.tell()))
                     if make and len(make().decompress(data, max_length=unpacked + 1)) > unpacked:
-                        raise ValueError(f"a chunk that unpacks to more than the {unpacked:,} bytes that it claims")
+                        raise ValueError(f"a chunk that unpacks to more than the {unpacked:,} bytes that it states")
             file.seek(start + length)

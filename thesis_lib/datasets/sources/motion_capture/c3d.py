@@ -1,10 +1,10 @@
-"""C3D files (https://www.c3d.org): positions of markers, as Vicon, Qualisys, OptiTrack and many others store them.
+"""Reader of C3D files (https://www.c3d.org): positions of markers from Vicon, Qualisys, OptiTrack and many others.
 
-Markers are named body:marker, or marker alone; those of a body become its motion, one alone is a ball.  Where the file
-has a group ROTATION (4 × 4 matrices: axes and origin of a body), these are the bodies.  Unit and rate are the file's.
-Markers that are lost are NaN, or zeros throughout.  z is up, unless --up says otherwise.
+Markers are named body:marker, or just marker; the markers of a body give its motion, a single one is a ball.  If the
+file has a group ROTATION (4 × 4 matrices: axes and origin of a body), its entries are the bodies.  Unit and rate are
+taken from the file.  Lost markers are NaN, or zeros throughout.  z is up, unless --up states otherwise.
 
-The package ezc3d does the reading, in a process of its own (`own_process`).
+The package ezc3d reads the file, in a separate process (`own_process`).
 """
 
 import struct
@@ -25,18 +25,18 @@ from thesis_lib.foundation.regular_file import MissingFile, read_bytes
 MAX_C3D = 200_000_000  # bytes
 PACKAGE = "ezc3d"
 BLOCK = 512  # bytes
-PROCESSORS = {84: ("<", 3), 85: ("<", 1), 86: (">", 0)}  # Intel, DEC, MIPS: order of bytes, that with a float's sign
+PROCESSORS = {84: ("<", 3), 85: ("<", 1), 86: (">", 0)}  # Intel, DEC, MIPS: byte order, byte with a float's sign
 
 
 def is_c3d(path: Path, begin: bytes) -> bool:
-    """Whether a file is a C3D file, by its ending or its first bytes: number of a block, and 0x50."""
+    """Whether a file is a C3D file, by its ending or its first bytes: a block number, and 0x50."""
     return path.suffix.lower() == ".c3d" or (len(begin) > 1 and 1 < begin[0] < 9 and begin[1] == 0x50)
 
 
 def read_c3d(path: Path, body: str | None, notes: list[str]) -> Motion:
-    """The motion of `body` (by default the only one): a name before the colon of markers, a marker, or a rotation.
+    """The motion of `body` (by default the only one): a prefix of markers, a marker, or a rotation.
 
-    UserError if the package is not installed, the file is damaged, or the body is not in it or is not named.
+    UserError if the package is not installed, the file is damaged, or the body is not in it or must be named.
     """
     if find_spec(PACKAGE) is None:
         raise UserError(
@@ -60,13 +60,13 @@ def read_c3d(path: Path, body: str | None, notes: list[str]) -> Motion:
 
 
 def _named(labels: list[str], count: int) -> list[str]:
-    """A label for each of `count` columns; columns without one are none of a body."""
+    """A label for each of `count` columns; columns without one are labelled *i and belong to no body."""
     labels = [label.strip() for label in labels[:count]]
     return labels + [f"*{i}" for i in range(len(labels), count)]
 
 
 def _rotated(path: Path, name: str, matrices: np.ndarray, scale: float, rate: float) -> Motion:
-    """The motion of a body from matrices (4, 4, n) that carry its places into the recording."""
+    """The motion of a body from matrices (4, 4, n) that map its frame to the frame of the recording."""
     turn, position = matrices[:3, :3].transpose(2, 0, 1), scale * matrices[:3, 3].T
     whole = np.isfinite(np.sum(matrices[:3], axis=(0, 1)))
     whole &= np.linalg.det(np.where(whole[:, None, None], turn, 0.0)) > 0.5  # zeros where lost
@@ -86,9 +86,9 @@ def _read(path: Path) -> dict[str, np.ndarray]:
 
 
 def _check(path: Path, content: bytes) -> None:
-    """UserError if a file is too short for what its first block says that it holds."""
+    """UserError if a file is too short for the content that its first block states."""
     if len(content) < 2 * BLOCK or content[1] != 0x50 or len(content) < (start := BLOCK * (content[0] - 1)) + 4:
-        raise _damaged(path, "it does not begin as such a file does, or is too short")
+        raise _damaged(path, "its first bytes are not those of such a file, or it is too short")
     if start < BLOCK or content[start + 3] not in PROCESSORS:
         raise _damaged(path, "the kind of computer that wrote it is unknown")
     order, sign = PROCESSORS[content[start + 3]]
@@ -96,11 +96,11 @@ def _check(path: Path, content: bytes) -> None:
     (data,) = struct.unpack(f"{order}H", content[16:18])
     size = (4 if content[12 + sign] & 0x80 else 2) * (4 * points + analog)  # a negative scale: floats
     if data < 2 or BLOCK * (data - 1) + size * max(0, last - first + 1) > len(content):
-        raise _damaged(path, "it is shorter than its first block says")
+        raise _damaged(path, "it is shorter than its first block states")
 
 
 def _damaged(path: Path, reason: str) -> UserError:
     return UserError(
-        f"{path} is a C3D file (binary, read with {PACKAGE}), but cannot be read: {reason}. Is it whole? Export it "
+        f"{path} is a C3D file (binary, read with {PACKAGE}), but cannot be read: {reason}. Is it complete? Export it "
         "again, or as CSV."
     )

@@ -1,4 +1,4 @@
-"""Exports of motion capture as rows of cells: several header lines, then frames; what both makers' forms share."""
+"""Exports of motion capture as rows of cells (header lines, then frames): what the readers of all makers share."""
 
 import csv
 import io
@@ -23,17 +23,17 @@ Row = tuple[int, list[str]]  # number of the line in the file, stripped cells
 
 
 def read_rows(path: Path) -> list[Row]:
-    """All rows of an export; a last one without a line break may have been cut off, and is left out.
+    """All rows of an export; a last row without a line break may be incomplete and is left out.
 
-    The delimiter is that of its first lines.
-    UserError if the file is missing, too large, or no text.
+    The delimiter is determined from the first lines.
+    UserError if the file is missing, too large, or not text.
     """
     try:
         content = read_bytes(path, MAX_LOG)
         try:
             text = content.decode("utf-8-sig")
         except UnicodeDecodeError:
-            text = content.decode("cp1252")  # of a program under Windows: names of bodies with accents
+            text = content.decode("cp1252")  # from a Windows program: names of bodies with accents
         head = text[:20_000]
         delimiter = max(DELIMITERS, key=head.count)
         reader = csv.reader(io.StringIO(text, newline=""), delimiter=delimiter)
@@ -50,9 +50,9 @@ def read_rows(path: Path) -> list[Row]:
 
 
 def columns_of(path: Path, rows: Sequence[Row], wanted: Sequence[int]) -> np.ndarray:
-    """The cells of `wanted` columns as floats (n, len(wanted)); empty ones, and those beyond a short row, are NaN.
+    """The cells of `wanted` columns as floats (n, len(wanted)); empty cells, and cells missing in short rows, are NaN.
 
-    UserError names the row of a cell that is not a number.
+    A UserError names the row of a cell that is not a number.
     """
     result = np.full((len(rows), len(wanted)), np.nan)
     for i, (row, cells) in enumerate(rows):
@@ -61,7 +61,7 @@ def columns_of(path: Path, rows: Sequence[Row], wanted: Sequence[int]) -> np.nda
             if cell.lower() in EMPTY:
                 continue
             try:
-                value = float(cell.replace(",", "."))  # a comma within a cell is a decimal one
+                value = float(cell.replace(",", "."))  # a comma within a cell is a decimal comma
             except ValueError:
                 raise UserError(
                     f"{path}, row {row}, column {column + 1}: {cell[:40]!r} is not a number. Export it again "
@@ -72,14 +72,14 @@ def columns_of(path: Path, rows: Sequence[Row], wanted: Sequence[int]) -> np.nda
 
 
 def length_unit(path: Path, text: str, where: str) -> float:
-    """Factor from a unit of length, as exports name it, to m; UserError for an unknown one."""
+    """Factor from a unit of length, as named in exports, to m; UserError for an unknown unit."""
     if text.lower() not in LENGTHS:
         raise UserError(f"{path}, {where}: '{text[:40]}' is not a known unit of length ({', '.join(LENGTHS)}).")
     return LENGTHS[text.lower()]
 
 
 def rate_in_hertz(text: str, mistake: str) -> float:
-    """A rate in Hz; UserError with the text `mistake` if it is none."""
+    """A rate in Hz; UserError with the text `mistake` if it is invalid."""
     try:
         value = float(text)
     except ValueError:
@@ -91,7 +91,7 @@ def rate_in_hertz(text: str, mistake: str) -> float:
 
 @dataclass(frozen=True, eq=False)
 class Frames:
-    """The frames of an export: rows of cells at times `t` (n,) in s, lengths in units of `scale` m; `notes` grow."""
+    """The frames of an export: rows of cells at times `t` (n,) in s, lengths in units of `scale` m, and its `notes`."""
 
     path: Path
     rows: Sequence[Row]
@@ -100,30 +100,30 @@ class Frames:
     notes: list[str]
 
     def motion_in_markers(self, places: Mapping[str, Mapping[str, int]], body: str | None) -> Motion:
-        """The motion of a body of which an export has only the markers; `places`: name -> axis -> column."""
+        """The motion of a body for which an export has only markers; `places`: name -> axis -> column."""
         chosen, names = choose_markers(self.path, [name for name, at in places.items() if set(at) >= set("xyz")], body)
         cells = columns_of(self.path, self.rows, [places[name][axis] for name in names for axis in "xyz"])
         markers = self.scale * cells.reshape(len(cells), -1, 3)
         return motion_of_markers(self.path, chosen, names, markers, self.t, self.notes)
 
     def seen(self, place: Mapping[str, int], turn: Sequence[int]) -> tuple[np.ndarray, np.ndarray]:
-        """Positions (n, 3) in m by the columns of x, y, z, and the cells (n, k) of the columns `turn`.
+        """Positions (n, 3) in m from the columns of x, y, z, and the cells (n, k) of the columns `turn`.
 
-        Frames of nothing but zeros are NaN, as systems write them that have lost a body; the notes say so.
+        Frames of zeros only, as some systems write them for a lost body, become NaN; a note reports them.
         """
         cells = columns_of(self.path, self.rows, [*(place[axis] for axis in "xyz"), *turn])
         zeros = ~np.any(np.nan_to_num(cells) != 0.0, axis=1) & np.isfinite(cells).all(axis=1)
         if zeros.any():
-            self.notes.append(f"{int(zeros.sum())} frames of zeros taken for lost ones")
+            self.notes.append(f"{int(zeros.sum())} frames of zeros treated as lost frames")
             cells[zeros] = np.nan
         return self.scale * cells[:, :3], cells[:, 3:]
 
     def motion_of_body(
         self, body: str, place: Mapping[str, int], turn: Mapping[str, int], sequence: str, degrees: bool = True
     ) -> Motion:
-        """The motion of a body by the columns of its place x, y, z and of its turn: angles, or with w a quaternion.
+        """The motion of a body from the columns of its position x, y, z and of its angles or (with w) quaternion.
 
-        Angles are those of a `sequence`; in others they are readings of the motion.
+        Angles are read in the given `sequence`; other sequences become alternative readings of the motion.
         """
         position, angles = self.seen(place, [turn[axis] for axis in "xyzw" if axis in turn])
         if "w" in turn:

@@ -9,11 +9,11 @@
     Frame,Time (Seconds),X,Y,Z,W,X,Y,Z,,…
     0,0.000000,0.01,…
 
-Lines of other names (`Parent`) may stand among those of the columns.  A frame in which a body is lost has empty cells.
-Euler angles are in degrees, about the body's own axes in the sequence that Rotation Type names.  y is up, unless the
-export's axis convention says otherwise, which the file does not.
+Other lines (`Parent`) may stand among the header lines.  A frame in which a body is lost has empty cells.
+Euler angles are in degrees, about the body's own axes in the sequence given by Rotation Type.  y is up, unless the
+axis convention of the export differs, which the file does not state.
 
-In older exports, of Tracking Tools and Motive 1 (version 1.1), rows begin with what they are:
+In older exports, of Tracking Tools and Motive 1 (version 1.1), each row begins with its kind:
 
     comment,"…"
     righthanded
@@ -22,9 +22,9 @@ In older exports, of Tracking Tools and Motive 1 (version 1.1), rows begin with 
     rigidbody,"plate",1,3,…
     frame,0,0.00000000,2,1,x,y,z,qx,qy,qz,qw,yaw,pitch,roll,2,x,…,markers…
 
-A frame has its number, its time in s, and how many bodies are tracked in it: of each its ID, its position in m, its
-quaternion and its angles in degrees.  A body that is lost is not among them, or has cells like 1.#QNAN.  Before
-version 1.1 a body is a `trackable`.  Rows `rigidbody` with a number in the second cell repeat a body with its markers.
+A frame has its number, its time in s and the number of tracked bodies; then, for each body, its ID, its position in m,
+its quaternion and its angles in degrees.  A lost body is missing, or has cells like 1.#QNAN.  Before version 1.1 a body
+is called `trackable`.  Rows `rigidbody` with a number in the second cell repeat a body with its markers.
 """
 
 import re
@@ -46,7 +46,7 @@ from thesis_lib.datasets.space.motion import Motion, mirrored, unit
 from thesis_lib.foundation.errors import UserError
 
 BEGINS = re.compile('"*format version', re.I)  # the first line of such a file
-HEADER_ROWS = 20  # within which the line of the axes must stand
+HEADER_ROWS = 20  # among which the line of the axes must be
 MARKERS = ("marker", "rigid body marker")
 KINDS_OLDER = ("comment", "righthanded", "lefthanded", "info", "rigidbody", "trackable", "frame")
 BEGINS_OLDER = re.compile(r'\s*(comment,"|righthanded|lefthanded|info,version|info,framecount)', re.I)
@@ -57,7 +57,7 @@ FIRST, WIDTH = 4, 11  # column of the first body in a frame, columns of a body
 def read_motive(path: Path, body: str | None, rotation: str | None, notes: list[str]) -> Motion:
     """The motion of `body` (by default the only one) in an export; `rotation` overrides the sequence of Euler angles.
 
-    UserError if the header lines are not those of the format, the body is not in it or is not named, or a cell is
+    UserError if the header lines are not those of the format, the body is not in it or must be named, or a cell is
     not a number.
     """
     rows = read_rows(path)
@@ -85,7 +85,7 @@ def read_motive(path: Path, body: str | None, rotation: str | None, notes: list[
             markers.setdefault(name, {}).setdefault(axis.lower(), column)
     t = columns_of(path, data, [time if time is not None else 0])[:, 0]
     if time is None:
-        mistake = "'export frame rate' is missing or no rate in Hz; export it again with header information."
+        mistake = "'export frame rate' is missing or not a rate in Hz; export it again with header information."
         t = t / rate_in_hertz(facts.get("export frame rate", ""), f"{path}, row 1: {mistake}")
     scale = length_unit(path, facts.get("length units", "meters"), "row 1, Length Units")
     frames = Frames(path, data, t, scale, notes)
@@ -99,7 +99,7 @@ def read_motive(path: Path, body: str | None, rotation: str | None, notes: list[
 
 
 def _facts(path: Path, rows: list[Row]) -> dict[str, str]:
-    """The pairs of the first line, names in small letters."""
+    """The names (in lower case) and values of the first line."""
     cells = rows[0][1] if rows else []
     facts = {name.lower(): value for name, value in zip(cells[::2], cells[1::2])}
     if (space := facts.get("coordinate space", "global").lower()) != "global":
@@ -123,7 +123,7 @@ def _line(rows: list[Row], name: str) -> list[str] | None:
 def read_optitrack(path: Path, body: str | None, rotation: str | None, notes: list[str]) -> Motion:
     """The motion of `body` (by default the only one) in an older export.
 
-    UserError if there are no rows of bodies or frames, the body is not among them or is not named, or a cell is
+    UserError if there are no rows of bodies or frames, the body is not among them or must be named, or a cell is
     not a number.
     """
     rows = [row for row in read_rows(path) if row[1] and row[1][0].lower() in KINDS_OLDER]
@@ -150,7 +150,7 @@ def read_optitrack(path: Path, body: str | None, rotation: str | None, notes: li
 
 
 def _cells_of(cells: list[str], body: str) -> list[str]:
-    """The cells of the body with this ID in a row of a frame, none where it is lost."""
+    """The cells of the body with this ID in a row of a frame; empty if it is lost."""
     count = int(cells[3]) if len(cells) > 3 and cells[3].isdigit() else 0
     last = min(FIRST + count * WIDTH, len(cells))
     return next((cells[at : at + WIDTH] for at in range(FIRST, last, WIDTH) if cells[at] == body), [])

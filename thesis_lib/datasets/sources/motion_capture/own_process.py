@@ -1,9 +1,9 @@
-"""Arrays of files that are read in a process of their own: what a damaged file does there does no harm here.
+"""Reading arrays from files in a separate process, where a damaged file can do no harm to this one.
 
-ezc3d is C++ and trusts what a file says of itself: a damaged one ends the process that reads it, or never ends.  A file
-of torch tensors says how large these are, and a damaged one says anything; only tensors are made (`weights_only`), no
-other object that a file may hold.  This module is also the program that does so: it reads the files named on its
-standard input, and writes their arrays to its standard output as .npz.
+ezc3d is C++ and trusts the sizes stated in a file: a damaged file may end the process that reads it, or keep it running
+for ever.  A file of torch tensors states their sizes, too, which may be anything in a damaged file; only tensors are
+created (`weights_only`), no other objects that a file may hold.  This module is also the program of that process: it
+reads the files named on its standard input, and writes their arrays to its standard output as .npz.
 """
 
 import contextlib
@@ -17,7 +17,7 @@ from pathlib import Path
 import numpy as np
 
 LONGEST = 600.0  # s that reading may take
-# processor time in s for any files, bytes that take one s more, and bytes of address space; ten times the usual
+# processor time in s for any files, bytes that take one more s, and bytes of address space; ten times the usual
 OF_C3D = 8, 5e5, 8 << 30
 OF_TENSORS = 60, 1e6, 16 << 30
 
@@ -26,10 +26,10 @@ def arrays_of(form: str, paths: Sequence[Path]) -> dict[str, np.ndarray]:
     """The arrays in files, as `_of_c3d` ("c3d") or `_of_tensors` ("tensors") returns them.
 
     Raises:
-        ValueError: it fails; says why.
+        ValueError: reading fails; the text gives the reason.
     """
     try:
-        # -P: no module beside the program stands in for one of Python's
+        # -P: no module beside the program replaces one of Python's
         done = subprocess.run(
             [sys.executable, "-P", __file__, form],
             input=os.fsencode("\0".join(str(path.resolve()) for path in paths)),
@@ -41,7 +41,7 @@ def arrays_of(form: str, paths: Sequence[Path]) -> dict[str, np.ndarray]:
         raise ValueError(f"reading it takes more than {LONGEST:.0f} s") from error
     if done.returncode:
         said = done.stderr.decode("utf-8", "replace").strip().splitlines() if done.returncode > 0 else []
-        raise ValueError(said[-1][:300] if said else "what it says of its size contradicts itself")
+        raise ValueError(said[-1][:300] if said else "the sizes that it states contradict each other")
     try:
         with np.load(io.BytesIO(done.stdout), allow_pickle=False) as file:
             return {name: file[name] for name in file.files}
@@ -85,13 +85,13 @@ def _of_tensors(paths: Sequence[str]) -> dict[str, np.ndarray]:
             first = (str(error).strip().splitlines() or [""])[0][:100]
             sys.exit(f"{Path(path).name}: {first or type(error).__name__}")
         if not isinstance(held, torch.Tensor):
-            sys.exit(f"{Path(path).name}: it holds a {type(held).__name__}, and no tensor")
+            sys.exit(f"{Path(path).name}: it holds a {type(held).__name__}, not a tensor")
         arrays[str(i)] = held.detach().to_dense().to(torch.float64).numpy()
     return arrays
 
 
 def _limit(paths: Sequence[str], seconds: int, bytes_a_second: float, memory: int) -> None:
-    """Bound what this process takes; where the system knows no bounds, it goes on without."""
+    """Limit the processor time and memory of this process, if the system supports limits."""
     with contextlib.suppress(ImportError, ValueError, OSError):
         import resource
 
@@ -101,7 +101,7 @@ def _limit(paths: Sequence[str], seconds: int, bytes_a_second: float, memory: in
 
 
 def main(form: str) -> None:
-    """Write the arrays of the files; whatever a library prints goes to standard error."""
+    """Write the arrays of the files; anything that a library prints goes to standard error."""
     answer = os.dup(1)
     os.dup2(2, 1)
     content = io.BytesIO()

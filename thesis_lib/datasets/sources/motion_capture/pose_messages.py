@@ -1,6 +1,6 @@
-"""Messages of ROS that hold poses or points: what each type says, and definitions of those that rosbags lacks.
+"""ROS messages that hold poses or points: the content of each type, and definitions of types that rosbags lacks.
 
-A message is of one body, or of several by name or number.  A point has a quaternion of zeros, which is none.
+A message describes one body, or several by name or number.  A point gets a quaternion of zeros: it has no orientation.
 """
 
 from collections.abc import Callable, Iterable

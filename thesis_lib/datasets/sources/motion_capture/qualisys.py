@@ -7,9 +7,9 @@
     Frame	Time	plate X	Y	Z	Roll	Pitch	Yaw	Residual	Rot[0]	…	Rot[8]	rod X	…
     1	0.00000	12.1	…
 
-The lines before the columns are names and values, in any order.  `Frame` and `Time` may be absent, and the line of the
-columns, too.  Positions are in mm; Rot is the rotation matrix, column by column.  A body that is lost has empty cells,
-or zeros throughout.  DATA_INCLUDED 3D has MARKER_NAMES and X, Y, Z of each.  z is up.
+The lines above the columns hold names and values, in any order.  `Frame`, `Time` and the whole line of column names may
+be absent.  Positions are in mm; Rot is the rotation matrix, column by column.  A lost body has empty cells, or zeros
+throughout.  With DATA_INCLUDED 3D there are MARKER_NAMES, and X, Y, Z of each marker.  z is up.
 """
 
 import re
@@ -28,13 +28,13 @@ BEGINS = re.compile(r"[ \r]*(file_version|no_of_(frames|cameras|markers|bodies))
 MATRIX = [f"rot[{i}]" for i in range(9)]
 LAYOUTS = {"6d": ["x", "y", "z", "roll", "pitch", "yaw", "residual", *MATRIX], "3d": ["x", "y", "z"]}
 NAMES = {"6d": "body_names", "3d": "marker_names"}
-ORTHONORMAL = 0.02  # of the elements of R Rᵀ from those of 1: four digits and some
+ORTHONORMAL = 0.02  # largest deviation of an element of R Rᵀ from the identity matrix
 
 
 def read_qualisys(path: Path, body: str | None, rotation: str | None, notes: list[str]) -> Motion:
-    """The motion of `body` (by default the only one); `rotation` is the sequence of Roll, Pitch, Yaw without Rot.
+    """The motion of `body` (by default the only one); `rotation` is the sequence of Roll, Pitch, Yaw if Rot is absent.
 
-    UserError if the header lines are not those of the format, the body is not in it or is not named, or a cell is
+    UserError if the header lines are not those of the format, the body is not in it or must be named, or a cell is
     not a number.
     """
     rows = read_rows(path)
@@ -75,14 +75,14 @@ def read_qualisys(path: Path, body: str | None, rotation: str | None, notes: lis
 
 
 def _is_data(cells: list[str]) -> bool:
-    """Whether a row is one of a frame: it begins with a number, or with an empty cell of many."""
+    """Whether a row is a frame: it begins with a number, or with an empty cell and has more than two cells."""
     if not cells or not cells[0]:
         return len(cells) > 2
     return cells[0].lstrip("+-")[:1].isdigit()
 
 
 def _tokens(head: list[Row], data: list[Row], layout: list[str], bodies: int) -> list[str]:
-    """Meaning of each column in small letters: the last word of its name, or its place where there are no names."""
+    """Meaning of each column in lower case: the last word of its name or, without names, from its position."""
     last = [cell.split()[-1].lower() if cell else "" for cell in head[-1][1]] if head else []
     if set("xyz") <= set(last):
         return last
@@ -93,14 +93,14 @@ def _tokens(head: list[Row], data: list[Row], layout: list[str], bodies: int) ->
 def _times(path: Path, data: list[Row], tokens: list[str], facts: dict[str, list[str]]) -> np.ndarray:
     if "time" in tokens:
         return columns_of(path, data, [tokens.index("time")])[:, 0]
-    mistake = f"{path}: FREQUENCY is missing or no rate in Hz; export it again with a column Time."
+    mistake = f"{path}: FREQUENCY is missing or not a rate in Hz; export it again with a column Time."
     rate = rate_in_hertz(next(iter(facts.get("frequency", [])), ""), mistake)
     frame = columns_of(path, data, [tokens.index("frame")])[:, 0] if "frame" in tokens else np.arange(len(data))
     return frame / rate
 
 
 def _from_columns(path: Path, body: str, cells: np.ndarray) -> np.ndarray:
-    """Quaternions (n, 4) of matrices (n, 9) that are written column by column; UserError if they are not rotations."""
+    """Quaternions (n, 4) from matrices (n, 9) written column by column; UserError if they are not rotations."""
     matrices = cells.reshape(-1, 3, 3).transpose(0, 2, 1)
     matrix = matrices[np.isfinite(cells).all(axis=1)]
     off = np.abs(matrix @ matrix.transpose(0, 2, 1) - np.eye(3)).max(axis=(1, 2))

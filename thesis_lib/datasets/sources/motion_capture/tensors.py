@@ -1,8 +1,8 @@
-"""Files of torch tensors (.pt, .pth), one toss each: rows of poses, as published sets of tosses have them.
+"""Reader of files of torch tensors (.pt, .pth): rows of poses, one toss per file, as in published sets of tosses.
 
-A tensor is (T, c), or (n, T, c) for n tosses; its columns have numbers, 1 to c, and --columns says which is which
-(`x=1,y=2,z=3,q1=4,…`).  Lengths that count something else than metres take --scale, as pixels do.  The package torch
-does the reading, in a process of its own (`own_process`).
+A tensor is (T, c), or (n, T, c) for n tosses; its columns are numbered 1 to c, and --columns assigns them
+(`x=1,y=2,z=3,q1=4,…`).  Lengths in a unit other than metres need --scale, as pixels do.  The package torch reads the
+files, in a separate process (`own_process`).
 """
 
 import re
@@ -42,7 +42,7 @@ class NumberLog(Log):
 
 
 def holds_tensors(path: Path) -> bool:
-    """Whether a path is that of a file of tensors, by its ending, or a folder with such files."""
+    """Whether a path is a file of tensors, by its ending, or a folder with such files."""
     return path.suffix.lower() in SUFFIXES or (path.is_dir() and bool(_files(path)))
 
 
@@ -61,10 +61,10 @@ def read_tensors(paths: Sequence[Path], options: Reading, notes: list[str]) -> l
         raise UserError(f"{paths[0]}: {len(files):,} files of tensors; expected 1 to {MAX_FILES:,}.")
     try:
         if (size := sum(regular_size(file, MAX_FILE) for file in files)) > MAX_ALL:
-            raise UserError(f"{paths[0]}: the files have {size:,} bytes; the limit is {MAX_ALL:,}. Convert parts.")
+            raise UserError(f"{paths[0]}: the files have {size:,} bytes; the limit is {MAX_ALL:,}. Convert fewer.")
         found = arrays_of("tensors", files)
     except MissingFile as error:
-        raise UserError(f"{error} Name a file of tensors, or a folder of them.") from error
+        raise UserError(f"{error} Give a file of tensors, or a folder of such files.") from error
     except ValueError as error:
         raise UserError(
             f"{paths[0]} cannot be read as tensors of torch: {error}. Save each toss as a tensor of rows (torch.save)."
@@ -81,7 +81,7 @@ def _tosses(file: Path, tensor: np.ndarray) -> np.ndarray:
     """The tosses (n, T, c) of a tensor."""
     tosses = tensor[None] if tensor.ndim == 2 else tensor
     if tosses.ndim != 3 or not tosses.size or tosses.shape[2] > MAX_COLUMNS:
-        raise UserError(f"{file} holds a tensor {tensor.shape}; expected rows of columns (T, c), or (n, T, c).")
+        raise UserError(f"{file} holds a tensor of size {tensor.shape}; expected rows of columns, (T, c) or (n, T, c).")
     return tosses
 
 

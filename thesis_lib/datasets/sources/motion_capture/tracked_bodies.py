@@ -1,11 +1,11 @@
-"""The motion of a body of which only its markers were recorded.
+"""The motion of a body from its recorded markers.
 
-The rotation and shift of a body from its markers carry their places over, frame by frame:
+The rotation R and position p of the body in a frame best map the reference positions of its markers to the measured:
 
     R, p = argmin Σ |p + R (m_i − m̄) − x_i|²       (Kabsch 1976, doi:10.1107/S0567739476001873)
 
-x_i (3,) are the markers seen in a frame, m_i their places in the first frame that shows all of them: there the body's
-axes are those of the recording, and its origin is the mean m̄ of the markers.
+x_i (3,) are the markers seen in a frame, m_i their positions in the first frame that shows all of them.  In that frame
+the axes of the body are those of the recording; its origin is the mean m̄ of the markers.
 """
 
 from collections.abc import Sequence
@@ -20,17 +20,17 @@ from thesis_lib.foundation.errors import UserError
 
 FEWEST = 3  # markers seen
 FLAT = 0.05  # second singular value over the first: markers on a line give no rotation
-RIGID = 0.003  # m, rms distance of markers from the rigid body; more is a marker taken for another
+RIGID = 0.003  # m, rms distance of markers from the rigid body; more means confused markers
 
 
 def choose_markers(path: Path, names: Sequence[str], body: str | None) -> tuple[str, list[str]]:
-    """The body that is meant and the names of its markers, which are body:marker, or marker where they have no body.
+    """The selected body and the names of its markers, which are body:marker, or marker if they have no body.
 
-    A marker may be named as `body`, too: a ball.  UserError if there are none, or the body is not among them.
+    `body` may also name a marker, as for a ball.  UserError if there are no markers, or the body is not among them.
     """
     bodies: dict[str, list[str]] = {}
     for name in names:
-        if not name.startswith("*"):  # so are those that nobody has named
+        if not name.startswith("*"):  # unlabelled markers
             bodies.setdefault(name.rpartition(":")[0], []).append(name)
     if not bodies:
         raise UserError(f"{path} has neither a rigid body nor markers with names; export the rigid bodies.")
@@ -47,12 +47,12 @@ def motion_of_markers(
 ) -> Motion:
     """The motion of a body from its markers (n, m, 3) in m, NaN or zeros where lost; one marker is a point.
 
-    Adds to `notes`.  UserError if they do not make a body.
+    Adds to `notes`.  UserError if the markers do not determine the motion of a body.
     """
     markers = np.where(np.any(markers != 0.0, axis=2, keepdims=True), markers, np.nan)
     seen = np.isfinite(markers).all(axis=2).any(axis=0)
     if not seen.all():
-        notes.append(f"markers that no frame shows left out: {', '.join(np.array(names)[~seen][:SHOWN])}")
+        notes.append(f"markers left out that no frame shows: {', '.join(np.array(names)[~seen][:SHOWN])}")
         markers = markers[:, seen]
     if markers.shape[1] == 1:
         return Motion.of_point(body, str(path), t, markers[:, 0])
@@ -61,32 +61,32 @@ def motion_of_markers(
     except ValueError as error:
         named = f"the markers of '{body}'" if body else "its markers"
         raise UserError(
-            f"{path}, {named} ({', '.join(names[:SHOWN])}): {error}. One alone is a ball: name it with --body."
+            f"{path}, {named} ({', '.join(names[:SHOWN])}): {error}. A single marker is a ball: name it with --body."
         ) from error
     if odd > len(markers) // 2:
         raise UserError(
             f"{path}: the markers {', '.join(names[:SHOWN])} do not move as one rigid body (in {odd} of {len(markers)} "
-            "frames). Give the markers of a body a common name before a colon, or name one, a ball, with --body."
+            "frames). Give the markers of a body a common name before a colon, or name one (a ball) with --body."
         )
     notes.append(
         f"the body is made of {markers.shape[1]} markers: its origin is their mean, its axes are those of the "
-        "recording in the first frame that shows all; say with --frame where its centre of mass is"
+        "recording in the first frame that shows all; locate its centre of mass with --frame"
     )
     if odd:
-        notes.append(f"{odd} frames left out: their markers are not where a rigid body has them")
+        notes.append(f"{odd} frames left out: their markers do not fit a rigid body")
     return Motion(body, str(path), t, position, quaternion)
 
 
 def body_of_markers(markers: np.ndarray) -> tuple[np.ndarray, np.ndarray, int]:
     """Positions (n, 3) in m and quaternions (n, 4) of a body from markers (n, m, 3), NaN where lost.
 
-    Also the number of frames whose markers are not those of a rigid body; they are NaN.  ValueError in words if the
-    markers do not make a body.
+    The third value is the number of frames whose markers do not fit a rigid body; these are NaN.  ValueError, with the
+    reason, if the markers do not determine the motion of a body.
     """
     n, count, _ = markers.shape
     shown = np.isfinite(markers.sum(axis=2))
     if count < FEWEST:
-        raise ValueError(f"{count} markers do not tell a rotation; three or more do")
+        raise ValueError(f"{count} markers do not determine a rotation; three or more do")
     whole = np.flatnonzero(shown.sum(axis=1) == count)
     if len(whole) == 0:
         raise ValueError("no frame shows all of its markers; leave out those that are seldom seen")
@@ -94,7 +94,7 @@ def body_of_markers(markers: np.ndarray) -> tuple[np.ndarray, np.ndarray, int]:
     reference = reference - reference.mean(axis=0)
     sizes = np.linalg.svd(reference, compute_uv=False)
     if sizes[1] < FLAT * sizes[0]:
-        raise ValueError("its markers lie on a line, which tells no rotation about it")
+        raise ValueError("its markers lie on a line, so the rotation about it is unknown")
     weight = shown[:, :, None].astype(float)
     seen: np.ndarray = weight.sum(axis=1)
     usable = np.flatnonzero(seen[:, 0] >= FEWEST)

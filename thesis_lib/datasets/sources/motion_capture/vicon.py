@@ -15,7 +15,7 @@
 
 The second line of a block is its rate in Hz.  Segments (Tracker: Objects) have positions and rotations: angles about
 the body's own axes x, y, z in this sequence, the axis times the angle (`helical`), or with a column RW a quaternion;
-the file does not say which of the first two.  Trajectories have markers.  A body that is lost has empty cells, or zeros
+the file does not state which of the first two.  Trajectories hold markers.  A lost body has empty cells, or zeros
 throughout.  z is up.
 """
 
@@ -50,8 +50,8 @@ ANGLES = {"deg": True, "rad": False}
 class _Block:
     name: str
     rate: float
-    names: list[str]  # of each column, that of the body or marker
-    axes: list[str]  # of each column, small letters
+    names: list[str]  # of the body or marker, for each column
+    axes: list[str]  # for each column, in lower case
     units: list[str]
     rows: list[Row]
 
@@ -59,7 +59,7 @@ class _Block:
 def read_vicon(path: Path, body: str | None, rotation: str | None, notes: list[str]) -> Motion:
     """The motion of `body` (by default the only one) in an export; `rotation` is the sequence of its angles.
 
-    UserError if no block is as described above, the body is not in it or is not named, or a cell is not a number.
+    UserError if no block is as described above, the body is not in it or must be named, or a cell is not a number.
     """
     rows = read_rows(path)
     blocks = {block.name: block for block in _blocks(path, rows)}
@@ -72,7 +72,7 @@ def read_vicon(path: Path, body: str | None, rotation: str | None, notes: list[s
     sub = np.nan_to_num(frames[:, 1])
     each = float(np.max(sub)) + 1.0
     t = (frames[:, 0] * each + sub) / found.rate
-    columns: dict[str, dict[str, dict[str, int]]] = {}  # of each name by the kind, r or t of bodies, and the axis
+    columns: dict[str, dict[str, dict[str, int]]] = {}  # name -> kind (r or t for bodies) -> axis -> column
     for column, (name, axis) in enumerate(zip(found.names, found.axes)):
         if column > 1 and name:
             kind = axis[:1] if len(axis) == 2 else ""
@@ -95,7 +95,7 @@ def read_vicon(path: Path, body: str | None, rotation: str | None, notes: list[s
 
 
 def _blocks(path: Path, rows: Sequence[Row]) -> list[_Block]:
-    """The blocks of frames that are of use; each begins with its name, its rate and three lines of columns."""
+    """The usable blocks of frames; each begins with its name, its rate and three lines of columns."""
     blocks, i = [], 0
     while i < len(rows):
         name = _alone(rows[i][1]).lower()
@@ -113,7 +113,7 @@ def _blocks(path: Path, rows: Sequence[Row]) -> list[_Block]:
         width = len(axes)
         end = next((k for k in range(i + 5, len(rows)) if not any(rows[k][1])), len(rows))
         names, units = ((cells + [""] * width)[:width] for cells in (names, units))
-        names = list(accumulate(names, lambda last, name: name or last))  # it stands over the first of its own columns
+        names = list(accumulate(names, lambda last, name: name or last))  # a name stands only over its first column
         small = [axis.lower() for axis in axes]
         blocks.append(_Block(name, hertz, names, small, units, list(rows[i + 5 : end])))
         i = end
@@ -121,6 +121,6 @@ def _blocks(path: Path, rows: Sequence[Row]) -> list[_Block]:
 
 
 def _alone(cells: Sequence[str]) -> str:
-    """The only cell of a row that holds anything; "" if there are none or several."""
+    """The only non-empty cell of a row; "" if there are none or several."""
     filled = [cell for cell in cells if cell]
     return filled[0] if len(filled) == 1 else ""

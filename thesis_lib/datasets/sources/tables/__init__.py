@@ -1,1 +1,1 @@
-"""Tables of a rig's own logs, and what options say of them and of the rig."""
+"""Tables of a rig's own logs, and the options that describe them and the rig."""

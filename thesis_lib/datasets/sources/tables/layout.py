@@ -1,8 +1,8 @@
-"""Where the table begins in a text, and how its cells are written: delimiter, decimal mark, header, row of units.
+"""Layout of a table in a text: its first row, delimiter, decimal mark, header and row of units.
 
-Above the header programs write names, dates and settings, below it units and comments; a header may be a comment
-(`# timestamp tx ty tz`).  The table is found by its numbers: the delimiter and decimal mark are those that make the
-largest share of the first cells numbers, and the header stands directly above the first row of numbers.
+Programs write names, dates and settings above the header, units and comments below it; a header may be a comment
+(`# timestamp tx ty tz`).  The table is found by its numbers: the delimiter and decimal mark are those with which the
+largest share of the first cells are numbers, and the header stands directly above the first row of numbers.
 """
 
 import csv
@@ -15,10 +15,10 @@ from thesis_lib.datasets.sources.tables.options import SPACES, unit_of
 
 DELIMITERS = (",", "\t", ";", "|", SPACES)
 NAMES = {",": "commas", "\t": "tabs", ";": "semicolons", "|": "bars", SPACES: "spaces"}
-HEAD = 200  # lines that are looked at
-LONGEST = 100_000  # characters in them
-ABOVE = 6  # lines above the first row of numbers among which the header is looked for
-# cells of a sample that was not measured, the last two as spreadsheets write them
+HEAD = 200  # lines that are examined
+LONGEST = 100_000  # characters that are examined
+ABOVE = 6  # lines above the first row of numbers that may be the header
+# cells for missing values, the last two as written by spreadsheets
 NO_NUMBER = ("", "nan", "na", "null", "none", "#n/a", "#nv")
 COMMENT = re.compile(r"\s*(?:#+|%+(?=\s)|//+)\s*")  # not the % of %time, as rostopic names a column
 _NUMBER = {mark: re.compile(rf"[+-]?(\d+[{mark}]?\d*|[{mark}]\d+)([eE][+-]?\d+)?") for mark in (".", ",")}
@@ -26,11 +26,11 @@ _NUMBER = {mark: re.compile(rf"[+-]?(\d+[{mark}]?\d*|[{mark}]\d+)([eE][+-]?\d+)?
 
 @dataclass(frozen=True)
 class Layout:
-    """How a text is a table; lines are counted from 0.
+    """Layout of a table in a text; lines are counted from 0.
 
-    `names` of the columns as written, those of several header lines joined by a dot; `units` (a text for each column)
-    of the row below them, or none; `header` is the line of the names, None if there is none; `skipped` are lines with
-    text that are neither names nor numbers; rows begin in line `start`.
+    `names` are the column names as written, joined by a dot if there are several header lines; `units` are the cells of
+    the row of units, or empty; `header` is the line of the names, None if there is none; `skipped` are other lines of
+    text before the samples; the samples begin in line `start`.
     """
 
     delimiter: str
@@ -43,9 +43,9 @@ class Layout:
 
 
 def find_layout(lines: Sequence[str], delimiter: str | None, decimal: str | None, wanted: Collection[str]) -> Layout:
-    """The layout of a text that begins with `lines`; `wanted` are names that the header should hold.
+    """The layout of a text that begins with `lines`; `wanted` are expected column names.
 
-    `delimiter` and `decimal` are found where they are not given.
+    `delimiter` and `decimal` are determined if they are not given.
     """
     said = [COMMENT.match(line) is not None for line in lines[:HEAD]]
     lines = [COMMENT.sub("", line, count=1) if comment else line for line, comment in zip(lines, said)]
@@ -96,21 +96,21 @@ def is_number(cell: str, decimal: str) -> bool:
 
 
 def _share(lines: Sequence[str], delimiter: str, decimal: str) -> float:
-    """Share of the cells that are numbers, 0 where lines are not split."""
+    """Share of the cells that are numbers, 0 if the delimiter does not split any line."""
     rows = [[cell for cell in map(str.strip, split(line, delimiter)) if cell] for line in lines]
     cells = [cell for row in rows if len(row) > 1 for cell in row]
     return sum(is_number(cell, decimal) for cell in cells) / sum(map(len, rows)) if cells else 0.0
 
 
 def _is_data(row: Sequence[str], decimal: str) -> bool:
-    """Whether a row holds a sample: two numbers at least, or nothing else."""
+    """Whether a row holds a sample: at least two numbers, or only numbers and missing values."""
     filled = [cell for cell in row if cell]
     numbers = sum(is_number(cell, decimal) for cell in filled)
     return numbers > 0 and (numbers >= 2 or all(is_number(c, decimal) or c.lower() in NO_NUMBER for c in filled))
 
 
 def _first_row(rows: Sequence[Sequence[str]], kinds: Sequence[bool], filled: Sequence[int]) -> int | None:
-    """The first sample, as long as most samples are; None if there are none."""
+    """The first sample with the most frequent number of cells; None if there are no samples."""
     widths = Counter(len(rows[i]) for i in filled if kinds[i])
     if not widths:
         return None
@@ -119,7 +119,7 @@ def _first_row(rows: Sequence[Sequence[str]], kinds: Sequence[bool], filled: Seq
 
 
 def _header_of(rows: Sequence[Sequence[str]], block: Sequence[int], width: int, wanted: Collection[str]) -> int:
-    """The line of the names among the lines of text above the samples."""
+    """The line of the column names among the lines of text above the samples."""
 
     def fits(place: int) -> tuple[int, bool, bool, int]:
         row = rows[block[place]]
@@ -136,7 +136,7 @@ def _are_units(row: Sequence[str]) -> bool:
 
 
 def _point_names(rows: Sequence[Sequence[str]], block: Sequence[int]) -> list[int]:
-    """The header lines of a table of DeepLabCut that name its columns: (individuals,) bodyparts, coords."""
+    """The header lines with the column names of a DeepLabCut table: (individuals,) bodyparts, coords."""
     first = [rows[i][0].lower() for i in block]
     if "bodyparts" not in first or "coords" not in first:
         return []
@@ -144,7 +144,7 @@ def _point_names(rows: Sequence[Sequence[str]], block: Sequence[int]) -> list[in
 
 
 def _names(headers: Sequence[Sequence[str]]) -> tuple[str, ...]:
-    """Names of the columns from one header line, or joined from several; the first of several counts frames."""
+    """Names of the columns from one header line, or joined from several, where the first column counts frames."""
     if len(headers) == 1:
         names = list(headers[0])
         while len(names) > 1 and not names[-1]:

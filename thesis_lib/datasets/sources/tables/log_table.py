@@ -1,6 +1,6 @@
-"""Tables of a rig's log as text cells: read whole, with the row of each, and turned into numbers where asked for.
+"""Tables of a rig's log as cells of text with their row numbers; columns are converted to numbers on demand.
 
-"row" is the line in the file, counted from 1.
+A "row" in a message is the line in the file, counted from 1.
 """
 
 import io
@@ -20,22 +20,22 @@ from thesis_lib.foundation.errors import UserError, first_line, suggest
 from thesis_lib.foundation.regular_file import MissingFile, read_bytes
 
 MAX_COLUMNS = 1000
-MAX_LOG = 200_000_000  # bytes; as cells of text a log takes some times that
-EXACT = 2**53  # floats confuse larger integers
+MAX_LOG = 200_000_000  # bytes; as cells of text a log takes several times as much
+EXACT = 2**53  # larger integers are not exact as floats
 DIGITS = 30  # of an integer; nanoseconds since 1970 have 19
 SURE = ("likelihood", "score")  # columns of DeepLabCut and SLEAP beside the x and y of a point
-LIKELY = 0.6  # likelihood from which DeepLabCut itself takes a point as seen (pcutoff)
+LIKELY = 0.6  # likelihood from which DeepLabCut itself regards a point as seen (pcutoff)
 _LINES = re.compile(r"\r\n|\n|\r")
 _BINARY = re.compile(r"[\x00-\x08\x0e-\x1a\x1c-\x1f]")
 
 
 @dataclass(frozen=True, eq=False)
 class Log:
-    """A table as text, indexed by the row in the file, and what it says of itself.
+    """A table as text, indexed by the row in the file, with the units and points that it states.
 
-    `units`: column -> unit, where a row below the header or brackets in it name one; `strange`: column -> cell of that
-    row which names none that is known.  `points` are those of a video tracker, with columns POINT.x, POINT.y and how
-    sure it is.  `notes` say what was skipped or mended.
+    `units`: column -> unit given in brackets in the header or in the row below it; `strange`: column -> cell of that
+    row that is not a known unit.  `points` are the points of a video tracker, with columns POINT.x, POINT.y and a
+    confidence.  `notes` report what was skipped or repaired.
     """
 
     path: Path
@@ -50,8 +50,8 @@ class Log:
         return len(self.cells)
 
     def find(self, name: str) -> str | None:
-        """The column that is meant by `name`, which may have the mark of a comment before it or lack the unit in
-        brackets; None if there is none, or several."""
+        """The column for `name`, which may begin with a comment mark or lack the unit in brackets; None if no column
+        or several columns match."""
         for one in (name, COMMENT.sub("", name, count=1)):
             if one in self.cells.columns:
                 return one
@@ -59,19 +59,19 @@ class Log:
         return bare[0] if len(bare) == 1 else None
 
     def has(self, name: str) -> bool:
-        """Whether there is such a column."""
+        """Whether the table has such a column."""
         return self.find(name) is not None
 
     def text(self, name: str) -> pd.Series:
-        """Cells of a column that there is."""
+        """Cells of an existing column."""
         return self.cells[self.find(name)]
 
     def where(self, name: str) -> str:
-        """A column in the words of an error."""
+        """Description of a column for error messages."""
         return f"{self.path}, column {self.find(name)}"
 
     def unit(self, name: str) -> str | None:
-        """The unit that the table states of a column."""
+        """The unit that the table states for a column."""
         return self.units.get(self.find(name) or "")
 
     def require(self, needed: Sequence[str]) -> None:
@@ -84,8 +84,8 @@ class Log:
         text = f"{self.path} has no column {', '.join(missing)}{hint}. It has: {', '.join(columns)}. "
         if self.points:
             raise UserError(
-                f"{text}It is of a video tracker, with the points {', '.join(self.points)}: leave x, y and theta out "
-                "of --columns, and the points become the pose (--body POINT,POINT,… if some are not on the body)."
+                f"{text}It is from a video tracker, with the points {', '.join(self.points)}: leave x, y and theta out "
+                "of --columns, and the pose follows from the points (--body POINT,POINT,… if some are not on the body)."
             )
         in_space = any(name == "z" or name.lower().startswith("q") for name in needed)
         ours = "z=…,q1=…,q2=…,q3=…,q4=…" if in_space else "theta=…"
@@ -112,7 +112,7 @@ class Log:
         return numbers
 
     def times(self, name: str) -> np.ndarray:
-        """A column of times as floats (n,), in its own unit; integers that floats would round count from the first."""
+        """A column of times as floats (n,), in its own unit; integers too large for floats count from the first."""
         text = self.text(name).str.strip()
         there = ~text.str.lower().isin(NO_NUMBER).to_numpy()
         whole = text[there]
@@ -126,11 +126,11 @@ class Log:
 
 
 def read_log(path: Path, options: Reading, wanted: Collection[str], doubts: list[str]) -> Log:
-    """The cells of a log as text; a last row that was cut off is left out, and `doubts` say so.
+    """The cells of a log as text; an incomplete last row is left out and reported in `doubts`.
 
-    `wanted` are columns that it should have.
+    `wanted` are the expected columns.
 
-    UserError if the file is missing, too large, or no table.
+    UserError if the file is missing, too large, or not a table.
     """
     try:
         text, notes = _decode(read_bytes(path, MAX_LOG))
@@ -177,7 +177,7 @@ def read_log(path: Path, options: Reading, wanted: Collection[str], doubts: list
 
 
 def sureness(point: str, columns: Collection[str]) -> str | None:
-    """The column that says how sure a point is, if there is one."""
+    """The column with the confidence of a point, or None."""
     return next((f"{point}.{word}" for word in SURE if f"{point}.{word}" in columns), None)
 
 
@@ -190,7 +190,7 @@ def points_of(columns: Sequence[str]) -> tuple[str, ...]:
 def read_logs(
     files: Sequence[str | Path], options: Reading, wanted: Collection[str], notes: list[str], doubts: list[str]
 ) -> list[Log]:
-    """Each log as by `read_log`; adds to `notes` what the logs say, each sentence once, with the files that say it."""
+    """Each log as by `read_log`; adds the notes of the logs to `notes`, each sentence once, with its files."""
     logs = [read_log(Path(file), options, wanted, doubts) for file in files]
     said: dict[str, list[str]] = {}
     for log in logs:
@@ -224,7 +224,7 @@ def _decode(content: bytes) -> tuple[str, list[str]]:
 
 
 def _body(text: str, start: int) -> tuple[str, int]:
-    """The text from line `start` on, with its comments as empty lines, and their number."""
+    """The text from line `start` on, with comments replaced by empty lines, and the number of comments."""
     at = 0
     for _ in range(start):
         found = _LINES.search(text, at)
@@ -249,7 +249,7 @@ def _cells(path: Path, body: str, delimiter: str, width: int, start: int) -> pd.
         return pd.DataFrame(np.empty((0, width), dtype=str), dtype=str)
     try:
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore", pd.errors.ParserWarning)  # of a first row that is too long
+            warnings.simplefilter("ignore", pd.errors.ParserWarning)  # about a first row that is too long
             cells = pd.read_csv(
                 io.StringIO(body),
                 sep=delimiter,
@@ -269,7 +269,7 @@ def _cells(path: Path, body: str, delimiter: str, width: int, start: int) -> pd.
     if (extra := cells[width].str.strip() != "").any():
         raise too_long(int(cells.index[extra][0]))
     empty = (cells == "").all(axis=1).to_numpy(copy=True)
-    if empty.any():  # a row of delimiters is one of lost cells
+    if empty.any():  # a row of delimiters alone is a row of lost cells
         lines = _LINES.split(body)
         empty[empty] = [not lines[i].strip(" \t" if delimiter != "\t" else " ") for i in np.flatnonzero(empty)]
     return cells.loc[~empty, range(width)]
@@ -299,7 +299,7 @@ def _last_row(
 
 
 def _distinct(names: Sequence[str]) -> list[str]:
-    """Column names; a name that occurs again becomes name.1, so that `name` is the first."""
+    """Unique column names: a name that occurs again becomes name.1, name.2, …; `name` is its first column."""
     seen: dict[str, int] = {}
     result = []
     for name in names:

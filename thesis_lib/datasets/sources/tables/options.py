@@ -1,4 +1,4 @@
-"""Options on a table: which column has which quantity, their units, the scale and origin of pixels."""
+"""Options for reading a table: the columns of the quantities, their units, and the scale and origin of pixels."""
 
 import re
 from collections.abc import Mapping
@@ -10,22 +10,22 @@ import numpy as np
 from thesis_lib.datasets.format.dataset import TRAJECTORY_COLUMNS
 from thesis_lib.foundation.errors import UserError
 
-UNITS = {  # name -> (quantity, factor to SI); that of a pixel is its scale's
+UNITS = {  # name -> (quantity, factor to SI); for pixels the factor follows from --scale
     **{"m": ("length", 1.0), "cm": ("length", 1e-2), "mm": ("length", 1e-3), "px": ("length", np.nan)},
     **{"rad": ("angle", 1.0), "deg": ("angle", np.pi / 180.0)},
     **{"s": ("time", 1.0), "ms": ("time", 1e-3), "us": ("time", 1e-6), "ns": ("time", 1e-9)},
 }
 SI = {"length": "m", "angle": "rad", "time": "s"}
 QUANTITY = {"t": "time", "x": "length", "y": "length", "z": "length", "theta": "angle"}
-SPATIAL = ("z", "q1", "q2", "q3", "q4")  # columns of a table with quaternions, beside those of a planar one
-OTHER_NAMES = {  # of units, as programs write them above their columns
+SPATIAL = ("z", "q1", "q2", "q3", "q4")  # columns of tables with quaternions, in addition to those of planar tables
+OTHER_NAMES = {  # of units, as other programs write them
     **{"meter": "m", "meters": "m", "metre": "m", "metres": "m", "pixel": "px", "pixels": "px"},
     **{"centimeters": "cm", "millimeters": "mm", "centimetres": "cm", "millimetres": "mm"},
     **{"°": "deg", "º": "deg", "degree": "deg", "degrees": "deg", "radian": "rad", "radians": "rad"},
     **{"sec": "s", "secs": "s", "second": "s", "seconds": "s", "msec": "ms", "milliseconds": "ms", "nsec": "ns"},
     **{"µs": "us", "μs": "us", "usec": "us", "microseconds": "us", "nanoseconds": "ns"},
 }
-SPACES = r"\s+"  # the delimiter of columns that are set apart by blanks
+SPACES = r"\s+"  # the delimiter of columns separated by blanks
 BRACKETED = re.compile(r"[(\[]([^()\[\]]*)[)\]]\s*$")  # theta (°), timestamp [ns]
 AXES = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
 WORDS = {"length": "a length", "angle": "an angle", "time": "a time"}
@@ -45,19 +45,19 @@ def unit_in(name: str) -> str | None:
 
 
 def without_unit(name: str) -> str:
-    """A column's name without what stands in brackets at its end."""
+    """A column's name without the brackets at its end."""
     return BRACKETED.sub("", name).strip()
 
 
 @dataclass(frozen=True)
 class Units:
-    """The units of --units by quantity, and `scale` in pixels a metre."""
+    """The units of --units by quantity, and `scale` in pixels per metre."""
 
     given: Mapping[str, str] = field(default_factory=dict)
     scale: float | None = None
 
     def unit(self, ours: str, stated: str | None, where: str) -> str:
-        """The unit of our column `ours`, of which the table says that it is in `stated` (`where`, for messages).
+        """The unit of our column `ours`, for which the table states the unit `stated`; `where` is for messages.
 
         UserError if that contradicts --units or the column.
         """
@@ -69,8 +69,8 @@ class Units:
             )
         if stated is not None and given not in (None, stated):
             raise UserError(
-                f"{where} is in {stated}, but --units says {given}. Correct the one that is wrong; without a unit of "
-                f"{quantity} in --units, that of the table is taken."
+                f"{where} is in {stated}, but --units states {given}. Correct the wrong unit; without a unit of "
+                f"{quantity} in --units, the unit of the table is used."
             )
         return given or stated or SI[quantity]
 
@@ -80,9 +80,9 @@ class Units:
             return UNITS[unit][1]
         if self.scale is None:
             raise UserError(
-                f"{where} is in pixels: say how many make a metre with --scale (for example --scale 900, or --scale "
-                "450/0.5 if 0.5 m of a ruler in the picture are 450 px), and with --origin U,V which pixel is x = 0, "
-                "y = 0."
+                f"{where} is in pixels: give the pixels per metre with --scale (for example --scale 900, or --scale "
+                "450/0.5 if 0.5 m of a ruler in the picture are 450 px), and the pixel of x = 0, y = 0 with --origin "
+                "U,V."
             )
         return 1.0 / self.scale
 
@@ -93,13 +93,13 @@ class Units:
 
 @dataclass(frozen=True)
 class Reading:
-    """How logs are to be read, as the options of `datasets init` say it; None or "" where the log itself decides."""
+    """Options of `datasets init` for reading logs; None or "" where the log itself decides."""
 
     units: str = ""
-    columns: Mapping[str, tuple[str, float]] = field(default_factory=dict)  # ours -> that of the table, and sign
+    columns: Mapping[str, tuple[str, float]] = field(default_factory=dict)  # our column -> column of the table, sign
     delimiter: str | None = None
     decimal: str | None = None
-    scale: str | None = None  # pixels a metre
+    scale: str | None = None  # pixels per metre
     origin: str | None = None  # U,V: x and y, as the table writes them, of the point that becomes (0, 0)
     rate: float | None = None  # Hz
     per_trial_files: bool = False
@@ -108,17 +108,17 @@ class Reading:
     rotation: str | None = None  # one of `export_cells.SEQUENCES`
     up: str | None = None
     plane: str | None = None
-    body: str | None = None  # of a video tracker: the points on it
+    body: str | None = None  # for a video tracker: the points on the body
     frame: str | None = None  # X,Y,ANGLE
     cut: bool | None = None
-    tracked: str | None = None  # "shape": the tracked frame is that of the shape
+    tracked: str | None = None  # "shape": the tracked frame is the frame of the shape
 
     def __post_init__(self) -> None:
-        _ = self.si, self.zero  # what is wrong is refused at once
+        _ = self.si, self.zero  # raises UserError for wrong values at once
 
     @cached_property
     def si(self) -> Units:
-        """The units by quantity; UserError for wrong ones."""
+        """The units by quantity; UserError for invalid units."""
         return parse_units(self.units, self.scale)
 
     @cached_property
@@ -129,16 +129,16 @@ class Reading:
         return u, v
 
     def source(self, *ours: str) -> dict[str, tuple[str, float]]:
-        """For each of our columns that of the table, by default of the same name, and its sign."""
+        """For each of our columns, the column of the table (by default of the same name) and its sign."""
         return {name: self.columns.get(name, (name, 1.0)) for name in ours}
 
 
 def parse_units(text: str, scale: str | None = None) -> Units:
-    """'mm,deg,ms' -> `Units` (SI where none is given), `scale` as '900' or '450/0.5'; UserError for wrong ones."""
+    """'mm,deg,ms' -> `Units` (SI where none is given), `scale` as '900' or '450/0.5'; UserError if invalid."""
     given: dict[str, str] = {}
     for unit in filter(None, (part.strip() for part in text.split(","))):
         if unit not in UNITS:
-            raise UserError(f"--units: '{unit}' is unknown; known are {', '.join(UNITS)} (for example --units mm,deg).")
+            raise UserError(f"--units: '{unit}' is unknown; give {', '.join(UNITS)} (for example --units mm,deg).")
         quantity = UNITS[unit][0]
         if quantity in given:
             raise UserError(f"--units: '{text}' gives two units of {quantity}; give one for each quantity.")
@@ -146,7 +146,7 @@ def parse_units(text: str, scale: str | None = None) -> Units:
     if scale is not None:
         given.setdefault("length", "px")
     if scale is not None and given["length"] != "px":
-        raise UserError(f"--scale is for pixels, but --units says {given['length']}; leave one of them out.")
+        raise UserError(f"--scale is for pixels, but --units states {given['length']}; leave one of them out.")
     return Units(given, None if scale is None else _parse_scale(scale))
 
 
@@ -157,12 +157,12 @@ def _parse_scale(text: str) -> float:
     except (ValueError, ZeroDivisionError):
         value = np.nan
     if not (np.isfinite(value) and value > 0.0):
-        raise UserError(f"--scale: '{text}' is not a number of pixels a metre (900), or pixels / metres (450/0.5).")
+        raise UserError(f"--scale: '{text}' is not a number of pixels per metre (900), or pixels / metres (450/0.5).")
     return value
 
 
 def parse_numbers(text: str, many: int, mistake: str) -> list[float]:
-    """'1,2.5' -> so `many` finite numbers; UserError with the text `mistake` for anything else."""
+    """The finite numbers of '1,2.5', of which there must be `many`; UserError with the text `mistake` otherwise."""
     try:
         values = [float(part) for part in text.split(",")]
     except ValueError:
@@ -173,7 +173,7 @@ def parse_numbers(text: str, many: int, mistake: str) -> list[float]:
 
 
 def parse_direction(text: str, option: str) -> np.ndarray:
-    """'z', '-y' or '0.1,0,1' -> a unit vector (3,); UserError for anything else."""
+    """Unit vector (3,) of the direction 'z', '-y' or '0.1,0,1'; UserError for anything else."""
     mistake = f"{option}: '{text}' is not a direction; give an axis such as z or -y, or three numbers X,Y,Z."
     sign, name = (-1.0, text[1:]) if text.startswith("-") and text[1:] in AXES else (1.0, text)
     vector = sign * np.array(AXES.get(name) or parse_numbers(text, 3, mistake))
@@ -183,7 +183,7 @@ def parse_direction(text: str, option: str) -> np.ndarray:
 
 
 def parse_delimiter(text: str | None) -> str | None:
-    """A delimiter as it is typed; None if it is to be found."""
+    """The delimiter for the typed text (such as tab or space); None if it is to be determined."""
     if text is None:
         return None
     delimiter = {"\\t": "\t", "tab": "\t", "space": " "}.get(text, text)

@@ -1,15 +1,15 @@
-"""Times and poses in the tables of a rig, in SI: in the plane, of the points of a video tracker, and in space.
+"""Times and poses in SI from the tables of a rig: poses in the plane, points of a video tracker, poses in space.
 
-Points of a body that a video tracker follows (DeepLabCut, Lightning Pose, SLEAP) become its pose in the picture.
-A point z_j = u_j + i v_j of a rigid body is p + c_j exp(iθ), with c_j its place in the body, p and θ the pose:
+Points of a body that a video tracker follows (DeepLabCut, Lightning Pose, SLEAP) give its pose in the picture.
+A point z_j = u_j + i v_j of a rigid body is p + c_j exp(iθ), where c_j is its position in the body, p and θ the pose:
 
     θ = arg Σ_j (c_j − c̄)* (z_j − z̄),    p = z̄ − c̄ exp(iθ)
 
-over the points j that are seen (bars: their means; Horn 1987, doi:10.1364/JOSAA.4.000629, in the plane).  The c_j are
-means over the frames in which all are seen; their own mean is the origin, and the first two give the direction θ.
+summed over the visible points j (bars: their means; Horn 1987, doi:10.1364/JOSAA.4.000629, in the plane).  The c_j are
+means over the frames that show all points; their mean is the origin, and θ points from the first to the second.
 
-In space the four columns of the quaternion are q1, q2, q3, q4 in the order that `--quaternion` names; without --columns
-they are expected as qx, qy, qz, qw, wherever they stand.  A ball has none.
+In space the four columns of the quaternion are q1, q2, q3, q4 in the order given by `--quaternion`; without --columns
+they must be named qx, qy, qz, qw and may stand in any order.  A ball has none.
 """
 
 from collections.abc import Mapping, Sequence
@@ -28,10 +28,10 @@ from thesis_lib.datasets.sources.tables.several_bodies import one_body
 from thesis_lib.datasets.space.motion import Motion, Readings, mirrored, unit
 from thesis_lib.foundation.errors import UserError
 
-SINCE_1970 = {"ns": 1e17, "us": 1e14, "ms": 1e11}  # stamps above it are in that unit; now it is 1.8e9 s
-ORDERS = {"xyzw": [0, 1, 2, 3], "wxyz": [1, 2, 3, 0]}  # where x, y, z, w stand among the four columns
+SINCE_1970 = {"ns": 1e17, "us": 1e14, "ms": 1e11}  # larger stamps are in this unit; the present is 1.8e9 s
+ORDERS = {"xyzw": [0, 1, 2, 3], "wxyz": [1, 2, 3, 0]}  # positions of x, y, z, w among the four columns
 AXES = ("x", "y", "z")
-STRAY = 0.1  # of a body's size, by which tracked points may stray from a rigid body
+STRAY = 0.1  # share of a body's size by which tracked points may deviate from a rigid body
 
 
 def read_poses(
@@ -42,19 +42,19 @@ def read_poses(
     notes: list[str],
     warnings: list[str],
 ) -> tuple[list[Log], list[pd.DataFrame]]:
-    """The logs, and of each the trial (text), t, x, y and, where it is measured, theta, in SI; NaN where lost.
+    """The logs, and for each a table of trial (text), t, x, y and, if measured, theta, in SI; NaN where lost.
 
-    A file is one trial if `one_trial` or without a trial column.  UserError: a file or column is missing, a row is too
-    long, a cell is not a number, units contradict each other, or the angle of a body that is not a disk is missing.
+    A file is one trial if `one_trial` is set or the trial column is missing.  UserError: a file or column is missing, a
+    row is too long, a cell is not a number, units contradict each other, or a body other than a disk has no angle.
     """
     if spatial := [column for column in options.columns if column in SPATIAL]:
-        raise UserError(f"--columns: {spatial[0]} belongs to a motion in space; say how it turns with --quaternion.")
+        raise UserError(f"--columns: {spatial[0]} belongs to a motion in space; give --quaternion for its rotation.")
     source = options.source(*TRAJECTORY_COLUMNS)
     logs = read_logs(files, options, [name for name, _ in source.values()], notes, warnings)
     tracked = bool(logs[0].points) and not {"x", "y", "theta"} & set(options.columns)
     if options.body and not tracked:
         raise UserError(
-            f"{logs[0].path} is a table of one body: --body is for files of several, or of a video tracker's points; "
+            f"{logs[0].path} is a table of one body: --body is for files of several bodies, or of a video tracker; "
             "name the columns with --columns."
         )
     pose = () if tracked else _pose_columns(logs[0], options, rig)
@@ -84,7 +84,7 @@ def read_poses(
 
 
 def _pose_columns(log: Log, options: Reading, rig: RigOptions) -> tuple[str, ...]:
-    """x, y and theta, which may lack of a disk; UserError if it lacks of another shape."""
+    """The columns x, y and theta; theta may be missing for a disk; UserError if it is missing for another shape."""
     names = {ours: name for ours, (name, _) in options.source("x", "y", "theta").items()}
     if "theta" in options.columns or log.has("theta"):
         return ("x", "y", "theta")
@@ -94,14 +94,14 @@ def _pose_columns(log: Log, options: Reading, rig: RigOptions) -> tuple[str, ...
 
 
 def _columns(log: Log, options: Reading, pose_columns: Sequence[str], warnings: list[str]) -> dict[str, np.ndarray]:
-    """x, y and, if it is among the columns, theta."""
+    """x, y and, if it is among `pose_columns`, theta, in SI."""
     source = options.source(*pose_columns)
     pose, units = {}, {}
     for ours, (name, sign) in source.items():
         units[ours] = options.si.unit(ours, log.unit(name), log.where(name))
         if (cell := log.strange.get(log.find(name) or "")) and QUANTITY[ours] not in options.si.given:
             warnings.append(
-                f"{log.path.name}, column {name}: '{cell[:20]}' below the header is not a unit that is known; read as "
+                f"{log.path.name}, column {name}: '{cell[:20]}' below the header is not a known unit; read as "
                 f"{units[ours]}. If that is wrong, convert the column, or give --units"
             )
         zero = dict(zip("xy", options.zero)).get(ours, 0.0)
@@ -117,9 +117,9 @@ def _columns(log: Log, options: Reading, pose_columns: Sequence[str], warnings: 
 def _tracked(
     log: Log, options: Reading, lost: list[int], notes: list[str], warnings: list[str]
 ) -> dict[str, np.ndarray]:
-    """x, y and, of several points, theta from the points of a video tracker, in a picture with y down.
+    """x, y and, with several points, theta from the points of a video tracker in a picture with y downwards.
 
-    Adds the number of points that are lost to `lost`.
+    Appends the number of lost points to `lost`.
     """
     wanted = [name.strip() for name in options.body.split(",")] if options.body else list(log.points)
     chosen = {name: [p for p in log.points if p == name or p.startswith(f"{name}.")] for name in wanted}
@@ -138,20 +138,20 @@ def _tracked(
     notes.append(f"points of a video tracker: {', '.join(points)}; y of the picture points down, and is flipped")
     if len(points) == 1:
         return {"x": x, "y": -y}
-    notes.append(f"x and y are those of the mean of the points, theta the direction from {points[0]} to {points[1]}")
+    notes.append(f"x and y are the mean of the points, theta the direction from {points[0]} to {points[1]}")
     if stray > STRAY:
         warnings.append(
-            f"{log.path.name}: the points {', '.join(points)} stray by {stray:.0%} of the body's size from a rigid "
-            "body; name those that are on it with --body"
+            f"{log.path.name}: the points {', '.join(points)} deviate by {stray:.0%} of the body's size from a rigid "
+            "body; name the points on the body with --body"
         )
     return {"x": x, "y": -y, "theta": -theta}
 
 
 def pose_of_points(z: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
-    """Place p (n, 2) and angle θ (n,) of a body with points z (n, m), complex and NaN where not seen.
+    """Position p (n, 2) and angle θ (n,) of a body from its points z (n, m), complex and NaN where not seen.
 
-    Also how far the points stray from a rigid body, rms over its size.  A pose takes two points, and a single point
-    has no angle (NaN).  ValueError if no frame shows all points.
+    The third value is the rms deviation of the points from a rigid body, over its size.  A pose needs two points; a
+    single point has no angle (NaN).  ValueError if no frame shows all points.
     """
     if z.shape[1] == 1:
         return np.column_stack([np.real(z[:, 0]), np.imag(z[:, 0])]), np.full(len(z), np.nan), 0.0
@@ -178,9 +178,9 @@ def pose_of_points(z: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
 
 
 def times(log: Log, options: Reading, trial: pd.Series, name: str, notes: list[str]) -> np.ndarray:
-    """t (n,) in s: of column `name` in a unit or counting frames, or without it of evenly spaced rows; adds to `notes`.
+    """Times (n,) in s from column `name` (times, or numbers of frames), or of evenly spaced rows; adds to `notes`.
 
-    UserError if neither the log nor `options` says what the times are.
+    UserError if neither the log nor `options` defines the times.
     """
     if not log.has(name):
         if options.rate is None:
@@ -191,7 +191,7 @@ def times(log: Log, options: Reading, trial: pd.Series, name: str, notes: list[s
     t, stated = log.times(name), log.unit(name)
     if "time" not in options.si.given and stated is None and _counts(t, trial):
         if options.rate is None:
-            raise UserError(f"{log.where(name)} counts rows: give the frames a second, --rate HZ, or the unit of time.")
+            raise UserError(f"{log.where(name)} counts rows: give the frame rate, --rate HZ, or the unit of time.")
         notes.append(f"{name} counts frames; times follow from --rate {options.rate:g}")
         return t / options.rate
     if "time" not in options.si.given and stated is None:
@@ -202,26 +202,26 @@ def times(log: Log, options: Reading, trial: pd.Series, name: str, notes: list[s
 
 
 def _counts(t: np.ndarray, trial: pd.Series) -> bool:
-    """Whether the numbers t (n,) count: whole, and most often one more than the one before."""
+    """Whether t (n,) counts frames: whole numbers that in most rows increase by one."""
     whole = t[np.isfinite(t)]
     step = np.diff(t)[(trial[1:].to_numpy() == trial[:-1].to_numpy()) & np.isfinite(np.diff(t))]
     return len(step) > 0 and bool(np.all(whole == np.rint(whole))) and float(np.median(step)) == 1.0
 
 
 def _need_origin(log: Log, options: Reading, rig: RigOptions, poses: pd.DataFrame) -> None:
-    """UserError if pixels that count downwards from the upper corner have no origin."""
+    """UserError if pixels are counted downwards from the upper corner and --origin is missing."""
     pixels = options.si.scale is not None and options.origin is None
     if pixels and not rig.surface_height and not rig.walls and np.nanmedian(poses["y"]) < 0.0:
         raise UserError(
-            f"{log.path}: y is below 0, as pixels count from the upper corner. Say with --origin U,V which pixel is "
-            "x = 0, y = 0 (v of the surface), or with --surface-height where the surface is, in m."
+            f"{log.path}: y is below 0, as pixels are counted from the upper corner. Give the pixel of x = 0, y = 0 "
+            "with --origin U,V (v of the surface), or the height of the surface in m with --surface-height."
         )
 
 
 def read_quaternion_tables(
     files: Sequence[str | Path], options: Reading, notes: list[str], warnings: list[str]
 ) -> list[Motion]:
-    """The motion in each log, that of a point without a quaternion; adds to `notes` and `warnings`.
+    """The motion in each log, of a point if there is no quaternion; adds to `notes` and `warnings`.
 
     UserError if a column is missing, a cell is not a number, or the four columns are not a unit quaternion.
     """
@@ -231,7 +231,7 @@ def read_quaternion_tables(
 
 
 def source_of(options: Reading) -> dict[str, tuple[str, float]]:
-    """For each column of a motion in space that of the table, and its sign; UserError for that of a planar one."""
+    """For each column of a motion in space, the column of the table and its sign; UserError if theta is given."""
     if "theta" in options.columns:
         raise UserError("--columns: theta is the angle of a planar log; with --quaternion give q1, q2, q3 and q4.")
     source = options.source("trial", "t", *AXES)
@@ -241,7 +241,7 @@ def source_of(options: Reading) -> dict[str, tuple[str, float]]:
 
 
 def motion_of_table(log: Log, source: Mapping[str, tuple[str, float]], options: Reading, notes: list[str]) -> Motion:
-    """The motion in one table, that of a point without a quaternion; errors as of `read_quaternion_tables`."""
+    """The motion in one table, of a point if there is no quaternion; errors as in `read_quaternion_tables`."""
     path, order = log.path, options.quaternion
     log, source = one_body(log, source, options.body)
     four = [name for name in source if name.startswith("q")]
@@ -265,7 +265,7 @@ def motion_of_table(log: Log, source: Mapping[str, tuple[str, float]], options: 
     readings: Readings = {
         f"--quaternion {other}": lambda other=other: raw[:, ORDERS[other]] for other in ORDERS if other != order
     }
-    # a frame one axis of which points the other way: the two other components change their sign
+    # if one axis of the frame is reversed, the two other components change their sign
     for flipped in range(3):
         turned = [four[ORDERS[order][other]] for other in range(3) if other != flipped]
         option = ",".join(f"{q}={'-' if source[q][1] > 0 else ''}{source[q][0]}" for q in sorted(turned))

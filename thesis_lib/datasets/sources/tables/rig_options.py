@@ -1,4 +1,4 @@
-"""Body and rig, as the options of `datasets init` state them."""
+"""Body and rig, as given by the options of `datasets init`."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -18,14 +18,14 @@ GRAVITY = 9.81  # m/s²
 
 @dataclass(frozen=True)
 class RigOptions:
-    """What is believed of body and rig, as the options of `datasets init` say it.
+    """Assumed properties of body and rig, as given by the options of `datasets init`.
 
-    Mass in kg, k_g (by default that of a uniform lamina) and surface_height (by default 0, in space that of the table)
-    in m, gravity in m/s² (by default `GRAVITY`, and 0 between walls, as they are seen from above), rate in Hz (by
-    default that of the times).
-    `size_uncertainty` (relative, one sigma) says that the body is homogeneous and how well its size is known.  A shape
-    in space (box, sphere, …, mesh) keeps the motion in space, and is homogeneous, unless its `radii_of_gyration` about
-    its axes and `center_of_mass` in m are given.
+    Mass in kg; k_g in m (default: of a uniform lamina); surface_height in m (default: 0, in space that of the table);
+    gravity in m/s² (default: `GRAVITY`, or 0 between walls, which are seen from above); rate in Hz (default: from the
+    times).
+    `size_uncertainty` (relative, one sigma) declares the body homogeneous and gives the uncertainty of its size.  With
+    a shape in space (box, sphere, …, mesh) the motion stays in space; such a body is homogeneous unless its
+    `radii_of_gyration` about its axes and `center_of_mass` in m are given.
     """
 
     shape: Shape | Any
@@ -41,24 +41,24 @@ class RigOptions:
 
     def __post_init__(self) -> None:
         if self.walls and self.surface_height:
-            raise UserError("--surface-height: between walls (--wall) there is no surface; leave one of them out.")
+            raise UserError("--surface-height: between walls (--wall) there is no surface; leave one of the two out.")
         if self.rate is not None and not (np.isfinite(self.rate) and self.rate > 0):
             raise UserError(f"--rate: {self.rate} Hz is impossible; give a number above 0.")
         for name in ("radii_of_gyration", "center_of_mass"):
             if getattr(self, name) is not None and not self.in_space:
-                raise UserError(f"--{name.replace('_', '-')} is for shapes in space; of a planar one give --k-g.")
+                raise UserError(f"--{name.replace('_', '-')} is for shapes in space; for a planar shape give --k-g.")
         if isinstance(self.shape, Mesh) and self.radii_of_gyration is None:
             try:
                 _ = self.shape.moments
             except ValueError as error:
                 raise UserError(
-                    f"--shape: {error}. Close it, or say what was measured or believed of the body: --center-of-mass "
-                    "X,Y,Z and --radii-of-gyration X,Y,Z, in m along the axes of the mesh."
+                    f"--shape: {error}. Close the mesh, or give measured or assumed values: --center-of-mass X,Y,Z and "
+                    "--radii-of-gyration X,Y,Z, in m along the axes of the mesh."
                 ) from error
 
     @property
     def in_space(self) -> bool:
-        """Whether the shape is one in space."""
+        """Whether the shape is three-dimensional."""
         return not isinstance(self.shape, Ellipse | Disk | Polygon)
 
     @property
@@ -73,10 +73,10 @@ class RigOptions:
 
 
 def parse_shape(text: str) -> Shape | Solid | Mesh:
-    """'ellipse:A,B' | 'disk:R' | 'square:SIDE' | 'rect:W,H' | 'polygon:x1,y1;…' in m, or a shape in space.
+    """The shape of 'ellipse:A,B' | 'disk:R' | 'square:SIDE' | 'rect:W,H' | 'polygon:x1,y1;…' in m, or a shape in space.
 
-    Those are 'box:X,Y,Z' (edges) | 'sphere:R' | 'ellipsoid:A,B,C' | 'cylinder:R,HEIGHT' | 'capsule:R,HEIGHT' (without
-    its caps) | 'mesh:FILE,SCALE'.  UserError for anything else.
+    Shapes in space: 'box:X,Y,Z' (edges) | 'sphere:R' | 'ellipsoid:A,B,C' | 'cylinder:R,HEIGHT' | 'capsule:R,HEIGHT'
+    (without its caps) | 'mesh:FILE,SCALE'.  UserError for anything else.
     """
     kind, _, rest = text.partition(":")
     try:
@@ -121,16 +121,16 @@ def parse_wall(text: str) -> Wall:
     except (ValueError, ValidationError) as error:
         reason = error.errors()[0]["msg"] if isinstance(error, ValidationError) else str(error)
         raise UserError(
-            f"--wall: '{text}' is not NAME:X,Y,NX,NY, a name in small letters, a point of the wall in m, and its "
+            f"--wall: '{text}' is not NAME:X,Y,NX,NY, a lower-case name, a point of the wall in m, and its "
             f"normal towards the body ({reason}); for example east:0.6,0,-1,0."
         ) from error
 
 
 def needs_no_angle(shape: Shape | Any, where: str) -> None:
-    """UserError if a recording without an angle is one of a shape that needs it."""
+    """UserError if a recording without an angle is of a shape that needs one."""
     if not isinstance(shape, Disk | Sphere):
         raise UserError(
-            f"{where}: no angle of the body is read from it (no theta, no orientation), and only a round body can do "
-            "without: give --shape disk:RADIUS (or sphere:RADIUS), or say where the angle is (--columns theta=NAME, "
+            f"{where}: it has no angle of the body (no theta, no orientation), and only a round body can do without: "
+            "give --shape disk:RADIUS (or sphere:RADIUS), or name the columns of the angle (--columns theta=NAME, "
             "--quaternion)."
         )

@@ -1,9 +1,9 @@
-"""Which body of a recording is meant, and where a table of motions in space has it.
+"""Selection of one body in a recording, and its rows or columns in a table of motions in space.
 
 | form of the table              | a body is                                                                       |
 |--------------------------------|---------------------------------------------------------------------------------|
-| one row for each body          | what a column says beside the time: `t,name,x,y,z,qx,…`                         |
-| all bodies in a row            | columns whose names begin or end alike: `box_x,box_y,…,hand_x,…`, `x.box,y.box,…` |
+| one row for each body          | named in a column beside the time: `t,name,x,y,z,qx,…`                          |
+| all bodies in a row            | columns with a common prefix or suffix: `box_x,box_y,…,hand_x,…`, `x.box,y.box,…` |
 """
 
 import re
@@ -18,11 +18,11 @@ from thesis_lib.datasets.sources.tables.log_table import Log
 from thesis_lib.foundation.errors import UserError
 
 SHOWN = 20  # names in an error
-MOST = 50  # bodies in a table; a column with more values says something else
+MOST = 50  # bodies in a table; a column with more values does not name bodies
 
 
 def choose_body(path: Path, bodies: Sequence[str], body: str | None) -> str:
-    """The body that is meant: the only one, or that named `body`, of which an end will do (of topic:frame the frame).
+    """Full name of the selected body: the only one, or the one named `body`; the end of its name suffices.
 
     UserError if there is none, or there are several.
     """
@@ -38,16 +38,16 @@ def choose_body(path: Path, bodies: Sequence[str], body: str | None) -> str:
     if len(found) == 1:
         return found[0]
     if body is None:
-        raise UserError(f"{path} has {len(bodies)} bodies: {shown}. Say which with --body NAME.")
-    raise UserError(f"{path} has no body '{body}' (or several whose names end so). It has: {shown}.")
+        raise UserError(f"{path} has {len(bodies)} bodies: {shown}. Choose one with --body NAME.")
+    raise UserError(f"{path} has no body '{body}' (or several whose names end in it). It has: {shown}.")
 
 
 def one_body(
     log: Log, source: Mapping[str, tuple[str, float]], body: str | None
 ) -> tuple[Log, Mapping[str, tuple[str, float]]]:
-    """The rows of one body, and its columns and signs by our names; as they are if the table has no other.
+    """The rows of one body, and its columns and signs by our names; both unchanged if the table has a single body.
 
-    UserError if there are several bodies, and `body` names none of them.
+    UserError if there are several bodies, and `body` does not name one of them.
     """
     named = {ours: name for ours, (name, _) in source.items() if ours not in ("trial", "t")}
     if not any(log.has(name) for name in named.values()) and (groups := _groups(log, list(named.values()))):
@@ -59,8 +59,8 @@ def one_body(
             label = log.text(column).str.strip()
             if body is None and (label != label.shift()).sum() == label.nunique():
                 raise UserError(
-                    f"{log.path}: the same times are there for each {column} ({', '.join(label.unique()[:SHOWN])}). If "
-                    f"these are bodies, say which with --body NAME; if they are tosses, --columns trial={column}."
+                    f"{log.path}: the same times occur for each {column} ({', '.join(label.unique()[:SHOWN])}). If "
+                    f"these are bodies, choose one with --body NAME; if they are tosses, give --columns trial={column}."
                 )
             chosen = choose_body(log.path, list(label.unique()), body)
             return replace(log, cells=log.cells[(label == chosen).to_numpy()]), source
@@ -70,7 +70,7 @@ def one_body(
 
 
 def _groups(log: Log, names: Sequence[str]) -> dict[str, dict[str, str]]:
-    """For each body the columns that stand for `names`, with its own name before or behind them."""
+    """For each body, the columns named as `names` with the name of the body before or after them."""
     found: dict[str, dict[str, str]] = {}
     for pattern in ("(.+?)[._ :/-]?{}", "{}[._ :/-]?(.+)"):
         for name in names:
@@ -83,7 +83,7 @@ def _groups(log: Log, names: Sequence[str]) -> dict[str, dict[str, str]]:
 
 
 def _names_bodies(log: Log, column: str, when: Sequence[str]) -> bool:
-    """Whether times are there again for each value of a column, and once for each."""
+    """Whether times repeat in a table, but not among the rows with the same value of a column."""
     label = log.text(column).str.strip()
     if not when or not 1 < label.nunique() <= MOST or not label.str.contains("[^0-9.]").any():
         return False

@@ -1,11 +1,11 @@
-"""Figures 2-10 to 2-12: motion of the rimless wheel, forces of its spokes, and of disk, arm and ground (thesis 2.4).
+"""Figures 2-10 to 2-12: motion and spoke forces of the rimless wheel, and forces of arm, disk and ground (thesis 2.4).
 
-Impacts are tens of times larger than lasting forces.  In figure 2-11 touchdowns are shaded, and beside them is the
-impulse h Σ c_n in N s over the steps of each, margin included; the standard errors of the maximum-likelihood estimate
-are thinner than a line, and the last axis shows them around the estimate's error.  In figure 2-12 the axes have the
-scale of the lasting force; a mark at the edge gives the estimated size of what is cut, in N.  There a force is one
-point per step, because a contact that chatters acts in every other step.  The thesis shows the force between
-manipulator and disk; the ground's force and the plain program's answer on the same noisy states (grey) are ours.
+Forces at impact are tens of times larger than lasting forces.  In figure 2-11, touchdowns are shaded, with the
+impulse h Σ c_n in N s over their steps, margin included, at the right; standard errors of the maximum-likelihood fit
+are thinner than a line, so the last axis shows them with the error of the fit.  In figure 2-12, the axes have the
+scale of the lasting force; a number at the edge gives the estimated size of a cut-off force, in N.  A force is one
+point per step there, because a chattering contact acts in every other step.  The thesis shows the force between
+manipulator and disk; we add the ground's force and the plain program's result for the same noisy states (grey).
 """
 
 import numpy as np
@@ -17,7 +17,7 @@ from thesis_lib.figures.style import BLUE, GREEN, GREY, INK, RED, SKY, YELLOW, D
 from thesis_lib.thesis.identify.arm.study import ArmForces
 from thesis_lib.thesis.identify.wheel.study import WheelForces, rolling_steps, touchdown, touched_pairs
 
-BAND = 2.0  # standard errors on either side
+BAND = 2.0  # half width of bands, in standard errors
 STYLES = {
     "truth": ("0.75", "-", "truth"),
     "noise_free": (GREEN, (0, (4, 3)), "eq. 2.12, noise-free"),
@@ -28,15 +28,15 @@ MASSES = (SKY, BLUE, RED, INK)
 DASHES = ((0, (1, 1.2)), (0, (4, 1.5)), (0, (5, 1.5, 1, 1.5)), "-")
 PAIRS = (("arm", "arm on disk"), ("ground", "ground on disk"))
 COMPONENTS = (("normal", "$c_n$ (N)"), ("tangential", "$c_t$ (N)"))
-LASTING = 3.0  # times the median force in contact; larger forces are cut and labelled
-HEADROOM = 1.3  # end of the axis over the largest lasting force
+LASTING = 3.0  # factor on the median force in contact; larger forces are cut off and labelled
+HEADROOM = 1.3  # limit of the axis over the largest lasting force
 
 
 @house_style
 def figure_2_10(motions: pd.DataFrame) -> Drawn:
-    """Angle and angular velocity against time for each mass.
+    """Figure 2-10: angle and angular velocity of the wheel against time for each mass.
 
-    `motions`: mass (kg), t (s), theta (rad), omega (rad/s), as from `wheel_study.motion_by_mass`.
+    `motions`: mass (kg), t (s), theta (rad), omega (rad/s), as from `wheel.study.motion_by_mass`.
     """
     figure = new_figure(height=3.6)
     above, below = figure.subplots(2, 1, sharex=True)
@@ -55,9 +55,9 @@ def figure_2_10(motions: pd.DataFrame) -> Drawn:
 
 @house_style
 def figure_2_11(forces: WheelForces) -> Drawn:
-    """Normal forces of the first spokes while the wheel rolls, and the impulses of their touchdowns; of one record."""
+    """Figure 2-11: normal forces of the first spokes while the wheel rolls, and impulses of their touchdowns."""
     truth, fit = forces.truth, forces.fit
-    # a force acts over its whole step: drawn at the middle
+    # a force acts over its whole step and is drawn at the middle
     t = truth.h * (np.arange(truth.steps) + 0.5)
     rolling = rolling_steps(truth.c_n)
     c_n = {"truth": truth.c_n, **forces.c_n}
@@ -106,14 +106,14 @@ def _shade(ax: Axes, impacts: list[slice | None], h: float) -> None:
 
 
 def _impulses(side: Axes, forces: WheelForces, i: int, pair: int) -> list[tuple]:
-    """Draw the impulses of one touchdown; returns the rows of the table."""
+    """Draw the impulses of one touchdown; return the rows of the table."""
     impact, h = touchdown(forces.truth.c_n, pair), forces.truth.h
     side.tick_params(labelbottom=False, bottom=False)
     side.yaxis.tick_right()
     side.yaxis.set_label_position("right")
     if impact is None:
         side.set_yticks([])
-        side.text(0.5, 0.5, "stands from\nthe start", ha="center", va="center", transform=side.transAxes)
+        side.text(0.5, 0.5, "in contact\nfrom the start", ha="center", va="center", transform=side.transAxes)
         return []
     rows = []
     for x, name in enumerate(STYLES):
@@ -130,7 +130,7 @@ def _impulses(side: Axes, forces: WheelForces, i: int, pair: int) -> list[tuple]
 
 @house_style
 def figure_2_12(forces: ArmForces) -> Drawn:
-    """Forces of one trajectory; columns of the table: pair, component, t, true, estimate, std, plain."""
+    """Figure 2-12: forces of one trajectory; table columns: pair, component, t, true, estimate, std, plain."""
     record, fit = forces.record, forces.fit
     t = record.t[:-1]
     figure = new_figure(height=4.0)
@@ -161,7 +161,7 @@ def figure_2_12(forces: ArmForces) -> Drawn:
 
 
 def _contact_force(ax: Axes, table: pd.DataFrame, limits: tuple[float, float]) -> None:
-    """One component of the force of one contact, with sizes written at the edge where the estimate lies beyond."""
+    """Draw a component of the force of one contact, with labels at the edge where the estimate lies outside."""
     t, plain, estimate = (table[name].to_numpy() for name in ("t", "plain", "estimate"))
     shown = (plain >= limits[0]) & (plain <= limits[1])
     ax.plot(t[shown], plain[shown], ".", color=GREY, markersize=1.8, label="plain program", zorder=1)
@@ -171,7 +171,7 @@ def _contact_force(ax: Axes, table: pd.DataFrame, limits: tuple[float, float]) -
     ax.errorbar(t, estimate, yerr=BAND * table["std"], label="estimated from noisy states, ±2 std. errors", **bar)
     ax.set_ylim(*limits)
     beyond = np.flatnonzero((estimate > limits[1]) | (estimate < limits[0]))
-    # only the largest of a run of neighbours is labelled
+    # of adjacent points, only the largest is labelled
     for run in np.split(beyond, np.flatnonzero(np.diff(beyond) > 12) + 1) if len(beyond) else []:
         k = run[np.argmax(np.abs(estimate[run]))]
         up = estimate[k] > 0.0

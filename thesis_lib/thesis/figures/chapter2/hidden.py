@@ -1,7 +1,7 @@
-"""Chapter 2, hidden effects of mechanisms: hidden against found effects, and forces before and after.
+"""Hidden effects of the mechanisms of chapter 2: hidden against identified effects, and contact forces.
 
-`figure_hidden` shows, for each mechanism, the share of datasets in which an effect was hidden (rows) and an effect was
-found first, or the verdict (columns).  Below are the contact force of one trial and the errors of its estimates
+`figure_hidden` shows, for each mechanism, the share of datasets with a hidden effect (rows) in which an effect was
+found first, or the verdict (columns); below, the contact force of one trial and the errors of its estimates
 without and with the effect.
 """
 
@@ -15,7 +15,7 @@ from thesis_lib.figures.style import DARK, GREY, INK, SHADES, Drawn, house_style
 
 @house_style
 def figure_hidden(effects: pd.DataFrame, forces: pd.DataFrame, pair: str = "arm") -> Drawn:
-    """Truth against finding, and contact forces of one contact pair without and with the effect.
+    """Hidden against identified effects, and forces of one contact pair estimated without and with the effect.
 
     `effects`, `forces` (in N): tables of the study, or rows of them; `forces` may be empty.
     """
@@ -36,7 +36,7 @@ def figure_hidden(effects: pd.DataFrame, forces: pd.DataFrame, pair: str = "arm"
 
 
 def _matrix(ax: Axes, mechanism: str, trials: pd.DataFrame) -> pd.DataFrame:
-    """Shares of one mechanism; returns the plotted numbers."""
+    """Draw the shares of one mechanism; return the plotted numbers."""
     trials = trials.assign(column=np.where(trials["first_effect"] != "", trials["first_effect"], trials["verdict"]))
     truths = list(dict.fromkeys(trials["truth"]))
     columns = ["adequate", *(t for t in truths if t not in ("nothing", "cogging")), "unexplained"]
@@ -61,7 +61,7 @@ def _matrix(ax: Axes, mechanism: str, trials: pd.DataFrame) -> pd.DataFrame:
 
 
 def _forces(top: Axes, bottom: Axes, force: pd.DataFrame, title: str) -> None:
-    """A force, and the errors of its two estimates."""
+    """Draw a force, and the errors of its two estimates."""
     top.plot(force["t"], force["true"], ".", color=INK, markersize=2)
     top.set_title(f"contact force, {title}", fontsize=7.5)
     top.set_ylabel("true (N)")

@@ -1,4 +1,4 @@
-"""Figure 2-15, the force at one impact, and m/I (1/m²) from measured impacts.
+"""Figure 2-15, the force at one impact, and the figure of m/I (1/m²) from measured impacts.
 
 Normal forces in N: `force` (s,) on the body in Drake, `reading` (p,) of the sensor at 1000 Hz, and the half-sine of the
 estimated impulse over the declared duration.  Equations and sources: `thesis_lib.thesis.identify.impacts.forces`,
@@ -15,10 +15,10 @@ from thesis_lib.figures.style import BLUE, GREEN, GREY, INK, RED, Drawn, house_s
 from thesis_lib.statistics.intervals import Z95
 from thesis_lib.thesis.identify.impacts.forces import ForceHistory, ImpactForces, peak_force
 
-APPROACH = 7  # samples drawn before the hit
+APPROACH = 7  # number of samples drawn before the hit
 BEFORE, AFTER = 1e-3, 15e-3  # s drawn before and after the touch
-THIN = 20  # steps between the drawn points of the sensor's continuous response: 0.1 ms
-BINS, BINS_TO = 16, 4.0  # of errors over σ; larger errors go into the last bin
+THIN = 20  # steps between drawn points of the sensor's continuous response: 0.1 ms
+BINS, BINS_TO = 16, 4.0  # bins of errors over σ and their range; larger errors are in the last bin
 NAMES = {
     "as_published": "as published",
     "mirrored_rotation": "rotation mirrored",
@@ -32,9 +32,9 @@ NAMES = {
 def figure_2_15(
     row: pd.Series, history: ForceHistory, samples: pd.DataFrame, rows: pd.DataFrame, settings: ImpactForces
 ) -> Drawn:
-    """An ellipse before an impact, the force of that impact, and the errors of all impulses.
+    """Figure 2-15: an ellipse before an impact, the force at that impact, and the errors of all impulses.
 
-    `row`: the impact shown, as `shown_impact` returns it, with its force, `history`; `samples`: trial, t, x, y, theta,
+    `row`, `history`: the impact shown and its force, as returned by `shown_impact`; `samples`: trial, t, x, y, theta,
     as tracked; `rows`: all impacts, from `study_impact_forces`.
     """
     figure = new_figure(height=2.6)
@@ -66,7 +66,7 @@ def _approach(ax: Axes, row: pd.Series, samples: pd.DataFrame, settings: ImpactF
 def _forces(ax: Axes, row: pd.Series, history: ForceHistory, settings: ImpactForces) -> pd.DataFrame:
     t, force = np.append(history.t, settings.sensor_window), np.append(history.force[:, 1], 0.0)
     T = settings.declared_duration
-    start = 0.5 * (history.t[-1] - T)  # the estimate has no instant: centred on the contact
+    start = 0.5 * (history.t[-1] - T)  # the estimate has no instant, so it is centred on the contact
     tau = np.linspace(0.0, T, 101)
     peaks = [peak_force(row["c_n"] + s * row["c_n_std"], T) for s in (-Z95, 0.0, Z95)]
     low, half_sine, high = (peak * np.sin(np.pi * tau / T) for peak in peaks)
@@ -113,9 +113,9 @@ def _impulse_errors(ax: Axes, rows: pd.DataFrame) -> pd.DataFrame:
 
 @house_style
 def figure_measured_ratio(table: pd.DataFrame) -> Drawn:
-    """m/I of one dataset with intervals under each hypothesis about the measurement, beside the authors' value.
+    """Figure of m/I of one dataset, with intervals, for each hypothesis about the measurement, and the authors' value.
 
-    At the right: the scatter about the rigid impact, over the noise (`misfit_unit` sigma) or, if no noise is known, as
+    At the right: deviation from a rigid impact, over the noise (`misfit_unit` sigma) or, if the noise is unknown, as
     a velocity (m/s).  `table`: rows of `measured_ratio`.
     """
     has_noise = table["scale"].notna()

@@ -1,17 +1,17 @@
-"""Figures 2-2, 2-4, 2-5, 2-9 and 2-14: motions through contact, to scale at regular times (thesis 2.2 to 2.5).
+"""Figures 2-2, 2-4, 2-5, 2-9 and 2-14: motions with contact, to scale and at regular times (thesis 2.2 to 2.5).
 
-The mode of a contact (open, sticks, slides) comes from the simulator's record, see simulate/chapter2/scenes.py.
+The mode of a contact (open, sticks, slides) is from the simulator's record (simulate/mechanisms/scenes.py).
 Poses q are arrays (n, 3) in m, rad, with x and y in the axes of the surface; the window of figure 2-4 has
 m = `stop - start` steps.
 
-Figure 2-5, noisy poses and the contact manifold, and flat and tilted landing as excitation (thesis 2.3.2 and 2.3.3):
-poses in contact form the manifold φ_n(q) = 0; over a flat surface it is the curve y = -r_y(θ).  Noise moves measured
-poses off it, where eq. 2.12 allows no force.  `identify/base_parameters/projection.py` moves them back to the nearest
+Figure 2-5 shows noisy poses and the contact manifold, and flat and tilted landing as excitation (thesis 2.3.2, 2.3.3):
+poses in contact form the manifold φ_n(q) = 0, which over a flat surface is the curve y = -r_y(θ).  Noise moves measured
+poses off it, where eq. 2.12 allows no force.  `identify/base_parameters/projection.py` projects them to the nearest
 pose in the kinetic metric δx² + δy² + k² δθ², with the radius of gyration k in m; panel (b), with axes k θ and y,
 shows this distance.
 
-The `identifiability` of a landing is shown with m and I unknown and no external force, and with the mass given.  A
-square that lands flat does not turn: its I is in the null space even if the mass is known.  σ_i, (n_Θ,), are the
+The `identifiability` of a landing is shown with m and I unknown and no external force, and with known mass.  A
+square that lands flat does not turn, so its I is in the null space even if the mass is known.  σ_i, (n_Θ,), are the
 singular values of the regressor outside the span of possible contact forces.
 """
 
@@ -35,19 +35,19 @@ from thesis_lib.thesis.identify.base_parameters.projection import ProjectedRecor
 from thesis_lib.thesis.identify.base_parameters.window import ContactWindow
 
 MODE_LOOK = {Mode.OPEN: (GREY, "open"), Mode.STICKS: (BLUE, "sticks"), Mode.SLIDES: (RED, "slides")}
-ROD_EVERY, DISK_EVERY = 0.04, 0.13  # s between the configurations drawn
-TRACE_SHOWN = {"block": 0.2, "ellipse": 0.25, "wheel": 0.25}  # s; outlines remain distinct
+ROD_EVERY, DISK_EVERY = 0.04, 0.13  # s between drawn configurations
+TRACE_SHOWN = {"block": 0.2, "ellipse": 0.25, "wheel": 0.25}  # s between outlines, which then remain distinct
 OBSERVED_EVERY = 2  # samples between the dots of figure 2-4
 FALL_EVERY = 0.04  # s; figure 2-14, "a very sparse sub-sample": ten samples at 250 Hz
 SAMPLE_EVERY = 3  # poses between the dots of panel (b) of figure 2-5
-LANDING_SHOWN = 5  # squares drawn of each landing of figure 2-5, at equal intervals
+LANDING_SHOWN = 5  # number of squares drawn for each landing of figure 2-5, at equal intervals
 NOISY, MOVED = RED, BLUE
-BOUNCES = 3  # impacts of figure 2-14; the thesis uses as many of each drop
+BOUNCES = 3  # impacts in figure 2-14; the thesis uses the same number of each drop
 
 
 @house_style
 def figure_2_2(fall: RodFall) -> Drawn:
-    """Falling rod: left end lands and sticks, right end lands and slides; below, the modes of both ends in time."""
+    """Figure 2-2: falling rod; left end lands and sticks, right end lands and slides; modes of both ends in time."""
     record, (left, right) = fall.record, fall.lands
     figure = new_figure(height=3.0)
     space, time = figure.subplots(1, 2, gridspec_kw={"width_ratios": (1.1, 1.0)})
@@ -98,7 +98,7 @@ def figure_2_2(fall: RodFall) -> Drawn:
 
 @house_style
 def figure_2_4(motion: NoisyMotion) -> Drawn:
-    """Disk from free flight to rolling: true path (line), noisy observations (dots) and the window of length m."""
+    """Figure 2-4: disk from flight to rolling; true path (line), noisy observations (dots), window of length m."""
     record, body = motion.record, motion.body
     figure = new_figure(height=3.0)
     sketch = Sketch(figure.add_subplot())
@@ -138,9 +138,9 @@ def figure_2_4(motion: NoisyMotion) -> Drawn:
 def figure_2_5(
     motion: NoisyMotion, projected: ProjectedRecord, landings: dict[str, tuple[SimulatedMotion, ContactWindow]]
 ) -> Drawn:
-    """Projection of noisy poses to the contact manifold (a, b), and flat against tilted landing as excitation (c, d).
+    """Figure 2-5: projection of noisy poses onto the contact manifold (a, b); flat and tilted landing (c, d).
 
-    `motion`, `projected`: noisy states of a body that stays in contact, and their projection to the contact manifold;
+    `motion`, `projected`: noisy states of a body that stays in contact, and their projection onto the contact manifold;
     `landings`: "flat" and "tilted", motion of a square and its window in unknown (m, I), as from
     `excitation_table.excitation_cases`.
 
@@ -148,7 +148,7 @@ def figure_2_5(
         UserError: no noisy pose is near the manifold.
     """
     if not projected.closed.any():
-        raise UserError("No noisy pose lies near enough to the surface to be projected; lower the noise.")
+        raise UserError("No noisy pose is near enough to the surface to be projected; lower the noise.")
     figure = new_figure(height=4.4)
     grid = figure.add_gridspec(2, 2, height_ratios=(1.6, 1.0))
     parts = [
@@ -161,7 +161,7 @@ def figure_2_5(
 
 
 def _one_pose(ax: Axes, motion: NoisyMotion, projected: ProjectedRecord) -> pd.DataFrame:
-    """The touching corner of the pose with one contact and the largest gap, and of its projection."""
+    """Draw the touching corner of the pose with one contact and the largest gap, measured and projected."""
     body, steps = motion.body, len(projected.closed)
     gaps = np.where(projected.closed, body.contacts_of(motion.observed.q[:steps]).phi, 0.0).sum(axis=1)
     step = int(np.argmax(np.where(projected.closed.sum(axis=1) == 1, np.abs(gaps), -1.0)))
@@ -183,7 +183,7 @@ def _one_pose(ax: Axes, motion: NoisyMotion, projected: ProjectedRecord) -> pd.D
 
 
 def _manifold(ax: Axes, motion: NoisyMotion, projected: ProjectedRecord) -> pd.DataFrame:
-    """Poses in the plane of k θ and y: the manifold, measured poses and their projections."""
+    """Draw the manifold, measured poses and their projections in the plane of k θ and y."""
     body, m = motion.body, projected.closed.shape[0]
     k_g = float(np.sqrt(body.inertia / body.mass))
     ax.set_title("(b) measured and projected poses")
@@ -208,14 +208,14 @@ def _manifold(ax: Axes, motion: NoisyMotion, projected: ProjectedRecord) -> pd.D
 def _landing(
     ax: Axes, letter: str, name: str, body: PlanarFreeBody, record: SimulatedMotion, window: ContactWindow
 ) -> pd.DataFrame:
-    """Squares during a landing, side by side in time, and what the window identifies."""
+    """Draw squares during a landing, side by side in time, and state the parameters that the window identifies."""
     free_mass, fixed_mass = identifiability(window), identifiability(window.fix({"m": body.mass}))
     sketch = Sketch(ax, letter)
     ax.set_title(f"({letter}) square lands {name}")
     size = body.shape.extent
     shown = np.linspace(0, record.steps, LANDING_SHOWN).astype(int)
     for column, step in enumerate(shown):
-        # shifted to the right in time, so that the squares do not overlap
+        # shifted to the right with time, so that squares do not overlap
         shift = np.array([1.65 * size * column, 0.0])
         points = outline_at(body, record.q[step]) - [record.q[0, 0], 0.0] + shift
         sketch.line("square", points, t=record.t[step], linewidth=0.9)
@@ -232,9 +232,9 @@ def _landing(
 
 @house_style
 def figure_2_9(shown: dict[str, tuple[PlanarFreeBody, SimulatedMotion]]) -> Drawn:
-    """Traces of block (a), ellipse (b) and rimless wheel (c) with high (top) and low friction (bottom).
+    """Figure 2-9: traces of block (a), ellipse (b) and rimless wheel (c) with high (top) and low friction (bottom).
 
-    `shown`: bodies and records with the keys of `chapter2_scenes.traces`.
+    `shown`: bodies and records with the keys of `scenes.traces`.
     """
     figure = new_figure(height=6.4)
     grid = figure.add_gridspec(3, 2, height_ratios=(1.0, 1.0, 1.0))
@@ -259,7 +259,7 @@ def figure_2_9(shown: dict[str, tuple[PlanarFreeBody, SimulatedMotion]]) -> Draw
 
 @house_style
 def figure_2_14(dataset: Dataset) -> Drawn:
-    """Falling body: a sparse sub-sample of the first trial up to its third impact.
+    """Figure 2-14: a falling body, by a sparse sub-sample of the first trial up to its third impact.
 
     Raises:
         UserError: the dataset has no trajectories.
@@ -281,7 +281,7 @@ def figure_2_14(dataset: Dataset) -> Drawn:
 def _trace(
     ax: Axes, panel: str, body: PlanarFreeBody, q: np.ndarray, t: np.ndarray, every: int, far: float | None = None
 ) -> pd.DataFrame:
-    """Outlines of a body at every `every`-th pose, light to dark, and the path of its centre; q: (n, 3), t: (n,) s."""
+    """Draw every `every`-th outline of a body, light to dark, and the path of its centre; q: (n, 3), t: (n,) s."""
     sketch = Sketch(ax, panel, tilt=-body.tilt)
     shown = np.arange(0, len(q), every)
     colors = colormaps["Blues"](np.linspace(0.3, 1.0, len(shown)))
@@ -298,13 +298,13 @@ def _trace(
 
 
 def _leading_mode(fall: RodFall, step: int) -> Mode:
-    """Mode of the rod's leading contact: of the left end, and of the right end once it has landed."""
+    """Mode of the rod's contact that determines the color: the left end, or the right end once it has landed."""
     left, right = fall.modes[min(step, len(fall.modes) - 1)]
     return Mode(right if step >= fall.lands[1] else left)
 
 
 def _end_of_bounces(dataset: Dataset, q: np.ndarray) -> int:
-    """Number of samples of a trial up to the one after its third impact; all if it has fewer impacts.
+    """Number of samples of a trial up to the sample after its third impact; all if it has fewer impacts.
 
     An impact is a local minimum of the gap within a tenth of the body's size from the surface.
     """

@@ -1,4 +1,4 @@
-"""Table 2.1 as a figure: error of m/I against the noise, by method."""
+"""Figure of table 2.1: error of m/I against the noise, by method."""
 
 import numpy as np
 import pandas as pd
@@ -12,15 +12,15 @@ METHODS = {  # color, marker, label
     "arcs_gap": (GREEN, "^", "arcs, with gaps"),
     "arcs_law": (RED, "D", "arcs, with contact law"),
 }
-LINEAR = 0.1  # %; the axis of the bias is linear below this size, because the bias has both signs
-APART = 0.5  # dB, between the methods of one noise level
+LINEAR = 0.1  # %; below this size the axis of the bias, which has both signs, is linear
+APART = 0.5  # dB, offset between the methods at one noise level
 
 
 @house_style
 def figure_table_2_1(table: pd.DataFrame) -> Drawn:
-    """Table 2.1: mean error of m/I with its standard error (above), error over the bound without contact law (below).
+    """Mean error of m/I, ± 2 standard errors (above), and error over the bound without contact law (below).
 
-    `table`: as `identify.mass_ratio.table_2_1` returns it, by method and noise.
+    `table`: as returned by `identify.mass_ratio.table_2_1`, by method and noise.
     """
     shapes = list(dict.fromkeys(table["shape"]))
     figure = new_figure(height=4.6)
@@ -33,7 +33,7 @@ def figure_table_2_1(table: pd.DataFrame) -> Drawn:
             snr = rows["snr"] + APART * (i - 2.0)
             style = {"color": color, "marker": marker, "ms": 4, "lw": 0.9, "capsize": 2}
             above.errorbar(snr, rows["mean_error"], 2.0 * rows["mean_error_std"], label=label, **style)
-            relative = 1.0 / np.sqrt(2.0 * rows["n"])  # of the root mean square of n normal errors
+            relative = 1.0 / np.sqrt(2.0 * rows["n"])  # standard error of an rms of n normal errors
             over = rows["error_over_bound"]
             below.errorbar(snr, over, 2.0 * relative * over, label=label, **style)
         thesis = errors[errors["method"] == "plain"].sort_values("snr")

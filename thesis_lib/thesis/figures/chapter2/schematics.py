@@ -1,12 +1,12 @@
-"""Figures 2-1, 2-3, 2-6, 2-7 and 2-8: schematics of mechanisms, from the code's geometry (thesis 2.1, 2.3.1, 2.4).
+"""Figures 2-1, 2-3, 2-6, 2-7, 2-8: schematics of mechanisms, drawn with the code's geometry (thesis 2.1, 2.3.1, 2.4).
 
 Contact points, normals and gaps come from the mechanism's `contacts_of`.  For a free body its rows are
 J_n = [0, 1, r_x] and J_t = [1, 0, -r_y] (2.20): the contact point is P = (x + r_x, y + r_y), its distance to contact
 is φ_n = y + r_y, and its distance along the surface from the origin O is φ_t = x + r_x.
 
-β follows the formulas.  For a corner (2.19, 2.20) it is the clockwise angle from the body's -y axis to the corner:
+β is as in the formulas.  For a corner (2.19, 2.20) it is the clockwise angle from the body's -y axis to the corner:
 P = (x, y) - l (sin(β - θ), cos(β - θ)).  For the ellipse it is the polar angle from the major axis to P, as in l(β)
-(2.22); the angle in (2.21) is instead the parameter of (a cos β, b sin β).
+(2.22); in (2.21), the angle is instead the parameter of (a cos β, b sin β).
 
 l is the distance of P from the centre of mass in m.  Configurations q (nv,) are in m and rad.
 """
@@ -24,7 +24,7 @@ DASHED = {"color": GREY, "linewidth": 0.8, "linestyle": (0, (5, 3))}
 
 
 def outline_at(body: PlanarFreeBody, q: np.ndarray) -> np.ndarray:
-    """Outline (n, 2) in m of a body at pose q (3,) in the axes of the surface; of a wheel, hub and tips in turn."""
+    """Outline (n, 2) in m of a body at pose q (3,) in axes of the surface; for a wheel, hub and tips alternate."""
     if isinstance(body, RimlessWheel):
         points = np.stack([np.zeros_like(body.corners), body.corners], axis=1).reshape(-1, 2)
     else:
@@ -43,7 +43,7 @@ def closest_point(body: PlanarFreeBody, q: np.ndarray) -> tuple[np.ndarray, floa
 
 @house_style
 def figure_2_1(arm: ArmDisk, q: np.ndarray) -> Drawn:
-    """Two-link arm that pushes a disk over the ground: coordinates, torques and contact frames; q: (5,) in rad, m."""
+    """Figure 2-1: two-link arm that pushes a disk; coordinates, torques and contact frames; q: (5,) in rad, m."""
     q = np.asarray(q, dtype=float)
     elbow, tip = (points[0] for points in arm.joints(q[None]))
     contacts = arm.contacts_of(q[None])
@@ -56,18 +56,18 @@ def figure_2_1(arm: ArmDisk, q: np.ndarray) -> Drawn:
     sketch.line("foot", np.array([[arm.base[0], 0.0], arm.base]), color=GREY, linewidth=4.0, zorder=1)
     for name, points in (("link 1", (arm.base, elbow)), ("link 2", (elbow, tip))):
         sketch.line(name, np.array(points), linewidth=3.0, color=INK, solid_capstyle="round", zorder=3)
-    # joints, and the angles of the links against the horizontal and against link 1
+    # joints, and the angles of the links relative to the horizontal and to link 1
     angles = ((arm.base, 0.0, "1", 0.38), (elbow, q[0], "2", 0.28))
     for joint, (origin, start, name, at) in enumerate(angles):
         sketch.point(f"joint {name}", origin, markersize=6, markerfacecolor="white", zorder=4)
         sketch.line(f"zero of q_{name}", np.array([origin, origin + 1.15 * at * unit(start)]), **DASHED)
         sketch.arc(f"q_{name}", origin, 0.75 * at, start, start + q[joint], BLUE)
         sketch.label(origin + at * unit(start + 0.4 * q[joint]), f"$q_{name}$", BLUE)
-        # the torque acts on the joint, whatever its sign
+        # the arrow shows the joint of the torque, not its sign
         sketch.arc(f"torque {name}", origin, 0.11, start + 2.0, start + 5.2, RED)
         sketch.label(origin + np.array([-0.17, 0.1]), rf"$\tau_{name}$", RED)
     for pair, name in enumerate(arm.pairs):
-        # the disk's columns of the normal row are the normal; the contact lies a radius and a gap from the centre
+        # the disk's columns of the normal row are the normal; the contact lies a radius plus a gap from the centre
         n = contacts.J_n[0, pair, 2:4]
         t = np.array([n[1], -n[0]])
         C = centre - (R + contacts.phi[0, pair]) * n
@@ -91,12 +91,12 @@ def figure_2_1(arm: ArmDisk, q: np.ndarray) -> Drawn:
 
 @house_style
 def figure_2_3(body: PlanarFreeBody, q: np.ndarray) -> Drawn:
-    """Distances φ_n and φ_t between the origin O and the point P of a falling body that is closest to the surface.
+    """Figure 2-3: distances φ_n and φ_t from the origin O to the point P of a falling body closest to the surface.
 
     q: (3,) pose in m, rad, above the surface and to the right of the origin; the body is a polygon.
 
     Raises:
-        UserError: the pose lies elsewhere.
+        UserError: the pose is not above the surface and right of the origin.
     """
     sketch, P, gap = _falling_body(3.9, body, q, origin=True)
     centre, size = np.asarray(q[:2], dtype=float), body.shape.extent
@@ -110,7 +110,7 @@ def figure_2_3(body: PlanarFreeBody, q: np.ndarray) -> Drawn:
 
 @house_style
 def figure_2_6(body: PlanarFreeBody, q: np.ndarray) -> Drawn:
-    """Square in free fall: side a, angle θ, and its lowest corner at distance l under the angle β (2.19, 2.20).
+    """Figure 2-6: square in free fall; side a, angle θ, lowest corner at distance l and angle β (2.19, 2.20).
 
     q: (3,) pose in m, rad, above the surface.
 
@@ -120,7 +120,7 @@ def figure_2_6(body: PlanarFreeBody, q: np.ndarray) -> Drawn:
     sketch, P, gap = _falling_body(3.6, body, q)
     centre, size = np.asarray(q[:2], dtype=float), body.shape.extent
     _corner_angle(sketch, body, q, P)
-    # the side that looks up and to the left
+    # the side that faces up and to the left
     outline = outline_at(body, q)
     side = min(range(len(outline) - 1), key=lambda i: (outline[i] + outline[i + 1] - 2.0 * centre) @ [1.0, -1.0])
     a, b = outline[side], outline[side + 1]
@@ -134,7 +134,7 @@ def figure_2_6(body: PlanarFreeBody, q: np.ndarray) -> Drawn:
 
 @house_style
 def figure_2_7(body: PlanarFreeBody, q: np.ndarray) -> Drawn:
-    """Ellipse in free fall: radii a and b, angle θ, and its lowest point at distance l(β) under the angle β (2.22).
+    """Figure 2-7: ellipse in free fall; semi-axes a and b, angle θ, lowest point at distance l(β) and angle β (2.22).
 
     q: (3,) pose in m, rad, above the surface.
 
@@ -162,7 +162,7 @@ def figure_2_7(body: PlanarFreeBody, q: np.ndarray) -> Drawn:
 
 @house_style
 def figure_2_8(wheel: RimlessWheel, q: np.ndarray) -> Drawn:
-    """Rimless wheel on its slope: length l of the spokes, angle between them, forces at the tips in contact.
+    """Figure 2-8: rimless wheel on its slope; length l of the spokes, angle between them, forces at the touching tips.
 
     q: (3,) pose of the hub in m, rad in the axes of the slope, on which one or two spokes stand.
     """
@@ -187,7 +187,7 @@ def figure_2_8(wheel: RimlessWheel, q: np.ndarray) -> Drawn:
         sketch.label(tip + l * np.array([0.18 * outward, 0.42]), f"$c_{{n,{number}}}$", RED)
         sketch.label(tip + l * np.array([-0.42, 0.12]), f"$c_{{t,{number}}}$", RED)
         sketch.point(f"contact {number}", tip, zorder=5)
-    # the two uppermost spokes show the angle between them, the one that points farthest back shows the length
+    # the angle is shown between the two uppermost spokes, the length at the rearmost spoke
     along = turned(wheel.corners, q[2]) / l
     up = np.argsort(-along[:, 1], kind="stable")[:2]
     angles = sorted(float(np.arctan2(along[i, 1], along[i, 0])) for i in up)
@@ -199,7 +199,7 @@ def figure_2_8(wheel: RimlessWheel, q: np.ndarray) -> Drawn:
     sketch.dimension("length", hub + 0.1 * l * across, tips[back] + 0.1 * l * across)
     sketch.label(0.5 * (hub + tips[back]) + 0.22 * l * across, "$l$")
     sketch.label(hub + 0.55 * l * unit(middle - 2.0 * np.pi / wheel.spokes), r"$m,\ I$")
-    # the angle of a spoke marked 0 against the slope
+    # the angle of spoke 0 against the slope
     sketch.line("zero of theta", np.array([hub, hub + [1.45 * l, 0.0]]), **DASHED)
     zero = float(np.arctan2(along[0, 1], along[0, 0]))
     sketch.arc("theta", hub, 1.15 * l, 0.0, zero, BLUE)
@@ -217,11 +217,11 @@ def figure_2_8(wheel: RimlessWheel, q: np.ndarray) -> Drawn:
 def _falling_body(
     width: float, body: PlanarFreeBody, q: np.ndarray, *, origin: bool = False
 ) -> tuple[Sketch, np.ndarray, float]:
-    """A body above the surface with θ, P and φ_n, drawn `width` inches wide; also returns P (2,) and its gap in m."""
+    """Draw a body above the surface with θ, P and φ_n, `width` inches wide; sketch, P (2,) and its gap in m."""
     q = np.asarray(q, dtype=float)
     P, gap = closest_point(body, q)
     if gap <= 0.0 or (origin and P[0] <= 0.0):
-        raise UserError(f"The schematic shows a body above the surface, right of the origin; its P is {P} m.")
+        raise UserError(f"The schematic needs a body above the surface, right of the origin; its P is {P} m.")
     centre, size = q[:2], body.shape.extent
     outline = outline_at(body, q)
     sketch = Sketch(new_figure(width, 3.0).add_subplot())

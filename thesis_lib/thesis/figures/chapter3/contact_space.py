@@ -1,17 +1,17 @@
-"""Figures 3-1 to 3-3 and 3-11: the body on the surface, the energy ellipse, the region that each law reaches in it.
+"""Figures 3-1 to 3-3 and 3-11: the body on the surface, the energy ellipse, and the region that each law can predict.
 
-All geometry comes from the functions used for computing (thesis section 3.3.1).  The outline of a law's region is the
+All geometry is computed by the functions of the analysis (thesis section 3.3.1).  The outline of a law's region is the
 image of the edge of the box 0 ≤ μ < ∞, 0 ≤ ε ≤ 1.
 
 Figure 3-11 explains unusual parameters by two impacts:
 
-(a) μ = 0.  Among impacts whose individual μ is below `MU_ZERO`, the quarter with the contact point nearest to below
-    the centre of mass; of these the one with the largest misfit.  Without such impacts: the one with the least μ.
-(b) Spin reversal.  Among impacts whose measured impulse lies beyond the line of sticking, the one at the median
-    distance beyond it.  Without such impacts: the one nearest to it.
+(a) μ = 0.  Of impacts with individual μ below `MU_ZERO`, the quarter with the contact point nearest to vertically below
+    the centre of mass; of these, the impact with the largest misfit.  Without such impacts: the one with the least μ.
+(b) Spin reversal.  Of impacts with measured impulse beyond the line of sticking, the impact at the median distance
+    beyond it.  Without such impacts: the impact nearest to it.
 "Beyond" is relative to the impulse without friction, c_t = 0 at the same c_n: friction has then reversed the slip
 v_t + K_tn c_n that it opposed.  A change of sign of v_t is not enough: in a skewed contact the normal impulse alone can
-cause it, and every law predicts that.  Ties go to the first impact, so that equal data give equal figures.
+cause it, and every law predicts this.  In ties, the first impact is used, so that equal data give equal figures.
 """
 
 from dataclasses import dataclass
@@ -58,17 +58,17 @@ MARKS = {
 
 @dataclass(frozen=True)
 class ExampleImpact:
-    """The impact of figures 3-1 to 3-3: fast slip to the right, contact to the right of the centre of mass."""
+    """Impact of figures 3-1 to 3-3: fast slip to the right, contact to the right of the centre of mass."""
 
     theta: float = -0.6  # rad
     v: tuple[float, float, float] = (1.2, -1.5, 10.0)  # m/s, m/s, rad/s
 
     def contact_point(self, body: Body) -> np.ndarray:
-        """r, (1, 2) in m."""
+        """Contact point r, (1, 2) in m."""
         return body.shape.contact_point(np.array([self.theta]))
 
     def space(self, body: Body) -> Contact:
-        """Contact space of this one impact, arrays (1,)."""
+        """Contact space of this impact, arrays (1,)."""
         v = np.array([self.v])
         return contact_space(v, self.contact_point(body), mass=body.mass or 1.0, k_g=body.radius_of_gyration)
 
@@ -78,7 +78,7 @@ EXAMPLE = ExampleImpact()
 
 @house_style
 def figure_3_1(body: Body) -> Drawn:
-    """Planar body that touches the surface: pose, velocity, contact point C and contact frame."""
+    """Figure 3-1: planar body that touches the surface; pose, velocity, contact point C and contact frame."""
     figure = new_figure(4.0, 2.3)
     sketch, outline, centre, contact = body_on_surface(figure.add_subplot(), body)
     size = body.shape.extent
@@ -115,7 +115,7 @@ def figure_3_1(body: Body) -> Drawn:
 
 @house_style
 def figure_3_2(body: Body) -> Drawn:
-    """Energy ellipse with the admissible set shaded, and the lines of sticking and of maximum compression."""
+    """Figure 3-2: energy ellipse with shaded admissible set, and lines of sticking and of maximum compression."""
     space, axis = EXAMPLE.space(body), ImpulseAxis.of(body.mass is not None)
     figure = new_figure(4.6, 3.6, layout="compressed")
     ax = figure.add_subplot()
@@ -127,7 +127,7 @@ def figure_3_2(body: Body) -> Drawn:
 
 @house_style
 def figure_3_3(body: Body, coverage: pd.DataFrame) -> Drawn:
-    """Regions of the six laws in the energy ellipse, as published (upper row) and as defined (lower row).
+    """Figure 3-3: regions of the six laws in the energy ellipse, as published (upper row) and as defined (lower row).
 
     `coverage` (law, share) gives the mean share of the admissible set covered by a law, for the legend.
     """
@@ -159,9 +159,9 @@ def figure_3_3(body: Body, coverage: pd.DataFrame) -> Drawn:
 def figure_3_11(
     impacts: Impacts, individual: pd.DataFrame, ensemble: pd.DataFrame, law: str, *, mass_known: bool
 ) -> Drawn:
-    """Two impacts with unusual parameters: ellipse, region of `law`, impulses measured, fitted best and predicted.
+    """Figure 3-11: two impacts with unusual parameters; ellipse, region of `law`, measured, best, predicted impulses.
 
-    `impacts`: all that are studied; `individual`: trial, impact, law, mu, epsilon, misfit (N s); `ensemble`: law, mu,
+    `impacts`: all impacts studied; `individual`: trial, impact, law, mu, epsilon, misfit (N s); `ensemble`: law, mu,
     epsilon, of the same weighting.  Impulses are in N s, or in N s/kg without a mass.
 
     Raises:
@@ -200,7 +200,7 @@ def figure_3_11(
 
 
 def zero_friction_case(impacts: Impacts, mu: np.ndarray, misfit: np.ndarray) -> int:
-    """Row of case (a) among impacts with individual `mu` (n,) and `misfit` (n,) in N s; UserError if all are NaN."""
+    """Index of case (a) among impacts with individual `mu` (n,) and `misfit` (n,) in N s; UserError if all are NaN."""
     usable = np.flatnonzero(np.isfinite(mu) & np.isfinite(misfit))
     if not len(usable):
         raise UserError("No impact has individual parameters, so there is no case with μ = 0 to show.")
@@ -213,7 +213,7 @@ def zero_friction_case(impacts: Impacts, mu: np.ndarray, misfit: np.ndarray) -> 
 
 
 def spin_reversal_case(target: MeasuredImpulses) -> int:
-    """Row of case (b) among n measured impulses; UserError if none is finite."""
+    """Index of case (b) among n measured impulses; UserError if none is finite."""
     beyond = beyond_sticking(target.space, target.c_t, target.c_n)
     usable = np.flatnonzero(np.isfinite(beyond))
     if not len(usable):
@@ -224,9 +224,9 @@ def spin_reversal_case(target: MeasuredImpulses) -> int:
 
 
 def region_outline(law: Law, space: Contact, points: int = 25) -> np.ndarray:
-    """Closed outline (4 (points − 1) + 1, 2) in N s of what a law can predict for the one impact in `space`.
+    """Closed outline (4 (points − 1) + 1, 2) in N s of the impulses that a law can predict for the impact in `space`.
 
-    It is the image of the edge of the parameter box.  If a law maps parts of the box onto each other, its region may
+    It is the image of the parameter box's boundary.  If a law maps parts of the box onto each other, its region may
     extend a little beyond it.
     """
     c = np.stack([part[:, :, 0] for part in region(law, space, points=points)], axis=-1)
@@ -234,17 +234,17 @@ def region_outline(law: Law, space: Contact, points: int = 25) -> np.ndarray:
 
 
 def draw_region(ax: Axes, law: Law, space: Contact, axis: ImpulseAxis, label: str) -> pd.DataFrame:
-    """Outline of a law's region for the one impact in `space`, filled with its hatch; returns its points."""
+    """Draw the outline of a law's region for the impact in `space`, filled with its hatch; return its points."""
     style, outline = style_of(law.name), region_outline(law, space)
     ax.fill(*(axis.factor * outline.T), fill=False, hatch=style.hatch, edgecolor=style.color, linewidth=0)
     ax.plot(*(axis.factor * outline.T), color=style.color, linestyle=style.dash, linewidth=1.5, label=label)
-    # some regions gain energy and leave the ellipse
+    # some regions contain impulses that gain energy, outside the ellipse
     ax.set_ylim(top=max(ax.get_ylim()[1], 1.03 * axis.factor * float(outline[:, 1].max())))
     return pd.DataFrame(outline, columns=["c_t", "c_n"])
 
 
 def draw_ellipse(ax: Axes, space: Contact, axis: ImpulseAxis, *, labels: bool = False) -> pd.DataFrame:
-    """Energy ellipse of the one impact in `space`, its lines and shaded admissible set; returns the plotted points."""
+    """Draw the energy ellipse of the impact in `space`, its lines and admissible set; return the plotted points."""
     ellipse = energy_ellipse(space)
     outline = ellipse.outline(points=121)[0]
     shade = np.stack([part[::6, 0] for part in admissible_outline(space)], axis=-1)
@@ -273,7 +273,7 @@ def draw_ellipse(ax: Axes, space: Contact, axis: ImpulseAxis, *, labels: bool = 
 
 
 def body_on_surface(ax: Axes, body: Body) -> tuple[Sketch, np.ndarray, np.ndarray, np.ndarray]:
-    """Sketch of a body at its impact; its outline (n, 2), centre of mass (2,) and contact point C (2,) in m."""
+    """Draw a body at its impact; sketch, outline (n, 2), centre of mass (2,) and contact point C (2,) in m."""
     r = EXAMPLE.contact_point(body)[0]
     centre, contact = np.array([0.0, -r[1]]), np.array([r[0], 0.0])
     outline = centre + turned(body.shape.outline(), EXAMPLE.theta)

@@ -1,10 +1,10 @@
-"""Figures 3-8 and 3-9: size of held-out errors, and the momenta before impact at which they are large.
+"""Figures 3-8 and 3-9: distribution of held-out errors, and their dependence on the momentum before impact.
 
 The error of an impact is ‖v⁺ − v̂⁺‖_k = √(δv_x² + δv_y² + (k δω)²) in m/s, from
 thesis_lib.thesis.impact_study.study.held_out_errors.  The momentum at the contact point before impact is
-(p_t, p_n) = M_C v_C in N s.  Densities are reflected at zero (`densities`).  The thesis does not say how its figure 3-9
-is smoothed; here each node of a grid has the mean error of its nearest impacts, and nodes without impacts nearby stay
-empty.
+(p_t, p_n) = M_C v_C in N s.  Densities are reflected at zero (`densities`).  The thesis does not state how figure 3-9
+is smoothed; here each node of a grid has the mean error of its nearest impacts, and nodes without impacts nearby are
+left empty.
 """
 
 from collections.abc import Sequence
@@ -24,14 +24,14 @@ from thesis_lib.thesis.impact_study.tables import VARIANTS
 
 GRID = 100  # points of a curve
 SIDE = 40  # nodes of the map along each axis
-NEIGHBOURS = 12  # impacts averaged at a node: their mean has a third of a single error's spread
-REACH = 0.25  # standard deviations of momentum; nodes without an impact this near stay empty
+NEIGHBOURS = 12  # impacts averaged at a node, whose mean has a third of the spread of a single error
+REACH = 0.25  # standard deviations of momentum; nodes without an impact this near are left empty
 TALL = 10.0  # ratio of the highest to the lowest peak above which the density axis is logarithmic
 
 
 @house_style
 def figure_3_8(errors: pd.DataFrame) -> Drawn:
-    """Densities and cumulative shares of held-out errors: six laws, Best Post Hoc and IRB Bound, in both variants.
+    """Figure 3-8: densities and cumulative shares of held-out errors: six laws, Best Post Hoc, IRB Bound, two variants.
 
     `errors`: trial, impact, model, velocity_error (m/s); a failed solve (NaN) counts as infinite in the share.
 
@@ -51,7 +51,7 @@ def figure_3_8(errors: pd.DataFrame) -> Drawn:
         values["irb_bound"] = wide["irb_bound"].to_numpy()
         for name, error in values.items():
             if not np.isfinite(error).any():
-                raise UserError(f"{name} has no finite held-out error; look at errors.csv and its status.")
+                raise UserError(f"{name} has no finite held-out error; see the status in errors.csv.")
             parts.append(draw_error_curves(row, error, grid, style_of(name).line).assign(variant=variant, model=name))
         row[0].set_title(f"({'ab'[list(VARIANTS).index(variant)]}) {variant.replace('_', ' ')}")
     table = pd.concat(parts, ignore_index=True)
@@ -62,7 +62,7 @@ def figure_3_8(errors: pd.DataFrame) -> Drawn:
 
 
 def draw_error_curves(row: Sequence[Axes], error: np.ndarray, grid: np.ndarray, line: dict) -> pd.DataFrame:
-    """Density (left) and cumulative share (right) of errors (n,) in m/s; returns the numbers drawn."""
+    """Draw density (left) and cumulative share (right) of errors (n,) in m/s; return the numbers drawn."""
     density, quantile, shares = error_curves(error, grid)
     row[0].plot(grid, density, **line)
     row[1].plot(quantile, shares, **line)
@@ -72,7 +72,7 @@ def draw_error_curves(row: Sequence[Axes], error: np.ndarray, grid: np.ndarray, 
 
 
 def label_error_curves(axes: np.ndarray) -> None:
-    """Name the axes of two columns of panels: densities, shares of impacts."""
+    """Label the axes of two columns of panels: densities, and shares of impacts."""
     for ax in axes[:, 0]:
         ax.set_ylabel("density (s/m)")
     for ax in axes[:, 1]:
@@ -85,7 +85,7 @@ def _limits(axes: np.ndarray, table: pd.DataFrame) -> None:
     peaks = table[table["panel"] == "density"].groupby(["variant", "model"])["density"].max()
     if peaks.max() > TALL * peaks.min():
         axes[0, 0].set_yscale("log")
-        axes[0, 0].set_ylim(0.4 * peaks.min(), 1.5 * peaks.max())  # single impacts show below
+        axes[0, 0].set_ylim(0.4 * peaks.min(), 1.5 * peaks.max())  # lower values are single impacts
     else:
         axes[0, 0].set_ylim(0.0, 1.05 * peaks.max())
     axes[0, 0].set_xlim(0.0, float(table.loc[table["panel"] == "density", "error"].max()))
@@ -96,7 +96,7 @@ def _limits(axes: np.ndarray, table: pd.DataFrame) -> None:
 
 @house_style
 def figure_3_9(held_out: Impacts, errors: pd.DataFrame, law: str, *, mass_known: bool) -> Drawn:
-    """Mean held-out error of one law over the momentum at the contact point before impact.
+    """Figure 3-9: mean held-out error of one law over the momentum at the contact point before impact.
 
     `errors`: trial, impact, model, velocity_error (m/s), with rows of `law` for the held-out impacts.  Momenta are in
     N s, or in N s/kg without a mass.
@@ -109,7 +109,7 @@ def figure_3_9(held_out: Impacts, errors: pd.DataFrame, law: str, *, mass_known:
     error = errors[errors["model"] == law].set_index(["trial", "impact"])["velocity_error"].reindex(keys)
     solved = np.isfinite(error.to_numpy())
     if not solved.any():
-        raise UserError(f"{law} has no finite held-out error; look at errors.csv.")
+        raise UserError(f"{law} has no finite held-out error; see errors.csv.")
     error = error.to_numpy()[solved]
     momentum = contact_momentum(held_out)[solved]
     low, high = np.quantile(momentum, [0.002, 0.998], axis=0)
@@ -118,7 +118,7 @@ def figure_3_9(held_out: Impacts, errors: pd.DataFrame, law: str, *, mass_known:
     nodes = np.stack(np.meshgrid(axis_t, axis_n), axis=-1).reshape(-1, 2)
     mean, distance = local_mean(momentum, error, nodes, NEIGHBOURS)
     mean = np.where(distance <= REACH, mean, np.nan)
-    # quantile over impacts, not over area: a few remote outliers must not flatten the rest of the map
+    # quantile over impacts, not over area, so that a few remote outliers do not flatten the rest of the map
     top = float(np.quantile(local_mean(momentum, error, momentum, NEIGHBOURS)[0], 0.95)) or 1.0
 
     figure = new_figure(4.6, 3.4)

@@ -1,7 +1,7 @@
-"""Figures 3-7 and 3-10: parameters identified from many impacts and from single impacts.
+"""Figures 3-7 and 3-10: parameters identified from all impacts together and from single impacts.
 
 Ensemble parameters (μ, ε) minimise eq. 3.8 summed over k impacts; individual parameters (μ_i, ε_i) belong to impact i.
-The tables come from thesis_lib.thesis.impact_study.study, which explains their columns.
+The tables are from thesis_lib.thesis.impact_study.study, which defines their columns.
 """
 
 import numpy as np
@@ -15,16 +15,16 @@ from thesis_lib.figures.law_style import style_of
 from thesis_lib.figures.style import GREEN, GREY, INK, RED, Drawn, ImpulseAxis, house_style, new_figure
 from thesis_lib.foundation.errors import UserError
 
-SETTLED = 100  # number of impacts at which the thesis finds the parameters converged
+SETTLED = 100  # number of impacts after which the parameters have converged, according to the thesis
 SUBSET_DASHES = ("-", (0, (5, 1.5)), (0, (1, 1.2)))
 GRID = 200  # points of a density
-# share of individual μ within the axis; a note counts the rest, often at the limit of the box
+# share of individual μ within the axis; the title counts the rest, often at the limit of the box
 SHOWN_SHARE = 0.99
 
 
 @house_style
 def figure_3_7(topography: pd.DataFrame, convergence: pd.DataFrame, *, mass_known: bool) -> Drawn:
-    """(a) Cost over (μ, ε) with its minimum; (b) parameters and cost against the number of impacts k.
+    """Figure 3-7: (a) cost over (μ, ε) with its minimum; (b) parameters and cost against the number of impacts k.
 
     `topography`: law, n, mu, epsilon, cost on a full grid; lighter is better, as in the thesis.  `convergence`: law,
     subset, k, mu, epsilon, cost.  Costs are in N s, or in N s/kg without a mass.
@@ -44,7 +44,7 @@ def figure_3_7(topography: pd.DataFrame, convergence: pd.DataFrame, *, mass_know
         ax.set(xscale="log", ylabel=label)
     axes[0].set_title("(b)", pad=22)
     axes[0].legend(loc="lower left", bbox_to_anchor=(0.0, 0.98), borderaxespad=0.0, ncols=1)
-    axes[-1].set_xlabel("impacts identified from, $k$")
+    axes[-1].set_xlabel("number of impacts used, $k$")
     axes[-1].xaxis.set_major_formatter("{x:g}")
     right.align_ylabels(axes)
     table = pd.concat([topography.assign(panel="a"), convergence.assign(panel="b")], ignore_index=True)
@@ -57,7 +57,7 @@ def _topography(ax: Axes, topography: pd.DataFrame, unit: ImpulseAxis) -> None:
     cost = unit.factor * topography.pivot(index="epsilon", columns="mu", values="cost")
     mu, epsilon = cost.columns.to_numpy(), cost.index.to_numpy()
     mesh = ax.pcolormesh(mu, epsilon, cost.to_numpy(), cmap="viridis_r", shading="gouraud", rasterized=True)
-    # evenly spaced in the root of the rise above the minimum, so that the valley has contours
+    # evenly spaced in the square root of the rise above the minimum, so that the valley has contours
     low, high = float(cost.min().min()), float(cost.max().max())
     levels = low + (high - low) * np.linspace(0.0, 1.0, 11)[1:-1] ** 2
     if high > low:
@@ -78,7 +78,7 @@ def _bar(ax: Axes, shades: ScalarMappable, label: str, **look: str) -> None:
 
 @house_style
 def figure_3_10(individual: pd.DataFrame, ensemble: pd.DataFrame, law: str, *, mass_known: bool) -> Drawn:
-    """(a) Individual (μ, ε) of one law coloured by their misfit; (b) densities of μ and of ε, ensemble value marked.
+    """Figure 3-10: (a) individual (μ, ε) of one law, coloured by misfit; (b) densities of μ and ε, with ensemble value.
 
     `individual`: trial, impact, law, mu, epsilon, misfit; `ensemble`: law, mu, epsilon of the same weighting.  Misfits
     are in N s, or in N s/kg without a mass.
@@ -89,7 +89,7 @@ def figure_3_10(individual: pd.DataFrame, ensemble: pd.DataFrame, law: str, *, m
     unit = ImpulseAxis.of(mass_known)
     impacts = individual[(individual["law"] == law) & individual["misfit"].notna()]
     if not len(impacts):
-        raise UserError(f"No impact has individual parameters under {law}; look at individual.csv.")
+        raise UserError(f"No impact has individual parameters under {law}; see individual.csv.")
     fit = ensemble[ensemble["law"] == law].iloc[0]
     mu_max = 1.05 * max(float(impacts["mu"].quantile(SHOWN_SHARE)), 0.02, 1.3 * fit["mu"])
     figure = new_figure(height=3.3)
@@ -107,7 +107,7 @@ def figure_3_10(individual: pd.DataFrame, ensemble: pd.DataFrame, law: str, *, m
     beyond = int((impacts["mu"] > mu_max).sum())
     note = f", {beyond} beyond the axis" if beyond else ""
     ax.set_title(f"(a) {LAWS[law].title}, {len(impacts)} impacts{note}")
-    _bar(ax, dots, f"misfit that remains ({unit.unit})", extend="max")
+    _bar(ax, dots, f"remaining misfit ({unit.unit})", extend="max")
 
     columns = ["panel", "series", "trial", "impact", "mu", "epsilon", "misfit"]
     star = {"panel": "a", "series": "ensemble", "mu": fit["mu"], "epsilon": fit["epsilon"]}
@@ -131,7 +131,7 @@ def figure_3_10(individual: pd.DataFrame, ensemble: pd.DataFrame, law: str, *, m
 
 
 def _shown_range(epsilon: np.ndarray) -> tuple[float, float]:
-    """Part of [0, 1] that holds nearly all values, with a margin on either side."""
+    """Part of [0, 1] that contains nearly all values, with a margin on either side."""
     low, high = np.quantile(epsilon, [0.01, 0.99])
     room = max(0.3 * (high - low), 0.05)
     return max(0.0, float(low) - room), min(1.0, float(high) + room)

@@ -1,8 +1,8 @@
-"""Figures 3-5 and 3-6: configurations and energies of one trial against time, with its impacts.
+"""Figures 3-5 and 3-6: configuration and energy of one trial against time, with its impacts.
 
-Velocities come from the samples, because fitted arcs conserve their energy by construction and would make the figure
+Velocities come from the samples, because fitted arcs conserve energy by construction, which would make the figure
 trivial.  Each is the slope of a straight line through x, θ and y + g t²/2 over a few neighbours between the same two
-impacts.  The trial shown is the first whose leading impacts (at most three) are all measured.
+impacts.  The trial shown is the first in which all of the first (at most three) impacts are measured.
 """
 
 import numpy as np
@@ -20,15 +20,15 @@ ENERGIES = {
     "kinetic": (RED, (0, (1, 1.2)), "kinetic"),
     "total": (INK, "-", "total"),
 }
-LEADING = 3  # impacts from the start that should be measured
-HALF_WINDOW = 5  # samples on either side; at 250 Hz and 0.3 mm this gives velocities to 7 mm/s
+LEADING = 3  # number of first impacts that should be measured
+HALF_WINDOW = 5  # samples on either side; at 250 Hz and 0.3 mm, the velocity's error is 7 mm/s
 
 
 @house_style
 def figure_3_5(dataset: Dataset, impacts: pd.DataFrame, arcs: pd.DataFrame) -> Drawn:
-    """Configurations x, y, kθ of one trial: samples, fitted arcs on either side of each measured impact, and hits.
+    """Figure 3-5: x, y, kθ of one trial; samples, fitted arcs on either side of each measured impact, and hits.
 
-    `impacts`: measured ones (trial, t, pose and velocities), as in impacts.csv; `arcs`: all that were detected (trial,
+    `impacts`: measured impacts (trial, t, pose and velocities), as in impacts.csv; `arcs`: all detected impacts (trial,
     impact, t, used, n_pre, n_post), as in arcs.csv.
 
     Raises:
@@ -65,7 +65,7 @@ def figure_3_5(dataset: Dataset, impacts: pd.DataFrame, arcs: pd.DataFrame) -> D
 
 @house_style
 def figure_3_6(dataset: Dataset, arcs: pd.DataFrame) -> Drawn:
-    """Potential, kinetic and total energy of the same trial until shortly after its leading impacts.
+    """Figure 3-6: potential, kinetic and total energy of the same trial until shortly after its first impacts.
 
     In J, or in J/kg if the dataset gives no mass.
 
@@ -84,7 +84,7 @@ def figure_3_6(dataset: Dataset, arcs: pd.DataFrame) -> Drawn:
     ax = figure.add_subplot()
     _mark(ax, hits[hits["t"] <= t[shown][-1]])
     rows = [("", "impact", instant, np.nan) for instant in times if instant <= t[shown][-1]]
-    # a gap at each impact: there the energy is not measured
+    # a gap at each impact, where the energy is not measured
     cut = np.flatnonzero(np.diff(np.searchsorted(times, t[shown])))
     for i, (name, (color, dash, label)) in enumerate(ENERGIES.items()):
         broken = np.insert(energy[:, i], cut + 1, np.nan)
@@ -119,20 +119,20 @@ def _mark(ax: Axes, hits: pd.DataFrame) -> None:
 
 
 def pick_trial(arcs: pd.DataFrame) -> int:
-    """Number of the trial to show; `arcs` has columns trial, impact, used (measurable); UserError if none is used."""
+    """Number of the trial to show; `arcs` has trial, impact, used (measurable); UserError if no impact is used."""
     if not arcs["used"].astype(bool).any():
         why = "left_out.csv gives the reasons."
         raise UserError(f"No impact of this dataset could be measured, so there is no trajectory to show; {why}")
     ordered = arcs.sort_values(["trial", "impact"], kind="stable")
     measured = ordered.assign(used=ordered["used"].astype(int)).groupby("trial")["used"]
     leading = measured.cumprod().groupby(ordered["trial"]).sum().clip(upper=LEADING)
-    if leading.max() == 0:  # no trial measures its first impact: the one with the most impacts measured
+    if leading.max() == 0:  # no trial has its first impact measured: use the trial with the most measured impacts
         leading = measured.sum()
     return int(leading.index[np.argmax(leading.to_numpy())])
 
 
 def sample_velocities(t: np.ndarray, pose: np.ndarray, hits: np.ndarray, gravity: float) -> np.ndarray:
-    """Velocities (n, 3) at a trial's samples; NaN with fewer than three neighbours between the same two impacts.
+    """Velocities (n, 3) at a trial's samples; NaN for fewer than three neighbours between the same two impacts.
 
     `t` (n,) in s increases, `pose` (n, 3) is x, y, θ; `hits` are the instants of all impacts in s, measurable or not.
     """
@@ -141,7 +141,7 @@ def sample_velocities(t: np.ndarray, pose: np.ndarray, hits: np.ndarray, gravity
     row = np.arange(len(t))
     low, high = np.maximum(first, row - HALF_WINDOW), np.minimum(last, row + HALF_WINDOW + 1)
     straight = pose.copy()
-    straight[:, 1] += 0.5 * gravity * t**2  # free flight becomes a line
+    straight[:, 1] += 0.5 * gravity * t**2  # free flight becomes a straight line
     start = straight.mean(axis=0), t.mean()
     q, s = straight - start[0], t - start[1]  # keeps the running sums small
 
@@ -159,7 +159,7 @@ def sample_velocities(t: np.ndarray, pose: np.ndarray, hits: np.ndarray, gravity
 
 
 def energies(pose: np.ndarray, velocity: np.ndarray, dataset: Dataset) -> np.ndarray:
-    """m g (y − y_rest), m (v_x² + v_y² + k² ω²)/2 and their sum (n, 3) in J, or J/kg where the dataset has no mass."""
+    """Energies m g (y − y_rest), m (v_x² + v_y² + k² ω²)/2 and sum, (n, 3) in J, or in J/kg without a mass."""
     rest = rest_height(dataset.shape, dataset.height)
     mass = 1.0 if dataset.mass is None else dataset.mass
     potential = mass * dataset.gravity * (pose[:, 1] - rest)

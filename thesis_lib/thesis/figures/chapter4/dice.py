@@ -1,4 +1,4 @@
-"""Figures 4-3, 4-4 and 4-7 to 4-10: thrown dice, the belief over a throw, errors of predicted ends, their causes.
+"""Figures 4-3, 4-4 and 4-7 to 4-10: thrown dice, beliefs (predictive distributions), errors and their causes.
 
 Poses x, y, θ are in m, rad; the error is (x measured − x expected)/side at rest, positive for an undershoot.
 
@@ -23,22 +23,22 @@ MODEL_STYLE = {
     "compliant": (SKY, (0, (2, 1)), "compliant contact"),
     "compliant_residual": (GREEN, "-", "compliant contact + residual"),
 }
-OUTLINES = 26  # of a whole throw in figure 4-7
-AFTER = 0.06  # s past the first contact shown in figure 4-9
+OUTLINES = 26  # number of outlines of a whole throw in figure 4-7
+AFTER = 0.06  # s after the first contact that are shown in figure 4-9
 SHOWN = 4.0  # sides; the table gives the share of larger errors
 CONTACT_COLORS = (RED, GREEN, BLUE, VIOLET)
 CONTACT_NAMES = ("start", "after the first contact", "after the second contact")
-DRAWN = 60  # particles of each contact that are drawn
+DRAWN = 60  # number of particles drawn for each contact
 
 
 def draw_outline(ax: Axes, shape: Polygon, pose: np.ndarray, **style) -> None:
-    """Outline of the body at a pose (3,)."""
+    """Draw the outline of the body at a pose (3,)."""
     ax.plot(*(turned(shape.outline(), pose[2]) + pose[:2]).T, **style)
 
 
 @house_style
 def figure_4_7(poses: pd.DataFrame, shape: Polygon, trial: int) -> Drawn:
-    """Outlines of one measured throw; `poses`: trial, t, x, y, theta."""
+    """Figure 4-7: outlines of one measured throw; `poses`: trial, t, x, y, theta."""
     figure = new_figure(height=2.6)
     ax = figure.add_subplot()
     throw = poses[poses["trial"] == trial]
@@ -56,7 +56,7 @@ def figure_4_7(poses: pd.DataFrame, shape: Polygon, trial: int) -> Drawn:
 
 @house_style
 def figure_4_8(throws: pd.DataFrame) -> Drawn:
-    """Densities of the error in resting position for each model, with mean and standard deviation.
+    """Figure 4-8: densities of the error of the resting position for each model, with mean and standard deviation.
 
     `throws`: model, error (1), a row for each held-out throw.
     """
@@ -80,7 +80,7 @@ def figure_4_8(throws: pd.DataFrame) -> Drawn:
 
 @house_style
 def figure_4_9(poses: pd.DataFrame, hits: pd.DataFrame, shape: Polygon, easy: int, hard: int) -> Drawn:
-    """A hard (left) and an easy throw about their first contact: outlines at all samples until shortly after it.
+    """Figure 4-9: a hard (left) and an easy throw; outlines at all samples until shortly after the first contact.
 
     `poses`: trial, t, x, y, theta; `hits`: trial, t of detected hits; `easy` and `hard` are numbers of trials.
     """
@@ -98,7 +98,7 @@ def figure_4_9(poses: pd.DataFrame, hits: pd.DataFrame, shape: Polygon, easy: in
         ax.set_title(title)
         after_first = (part["t"] > first).astype(int)
         tables.append(part[["trial", "t", "x", "y", "theta"]].assign(after_first=after_first, case=title))
-    # equal widths, so that panels of equal scale are equally high
+    # equal widths, so that panels of equal scale have equal heights
     ends = np.array([ax.get_xlim() for ax in axes])
     half = 0.5 * np.ptp(ends, axis=1).max()
     for ax, middle in zip(axes, ends.mean(axis=1)):
@@ -116,7 +116,7 @@ def _ground(ax: Axes) -> None:
 
 @house_style
 def figure_restitution(table: pd.DataFrame) -> Drawn:
-    """Measured and modelled restitution against the place of the contact, for first and later contacts.
+    """Figure of measured and modelled restitution against the place of the contact, for first and later contacts.
 
     `table`: first (1: a throw's first contact), x (m), measured, model (1); see `residual.restitution`.
     """
@@ -135,7 +135,7 @@ def figure_restitution(table: pd.DataFrame) -> Drawn:
 
 @house_style
 def figure_budget(table: pd.DataFrame) -> Drawn:
-    """Share of right faces, and scatter at rest, of throws that go on from before each of their contacts.
+    """Figure of the share of correct faces, and scatter at rest, of throws continued from before each contact.
 
     `table`: model, contact, std (sides), std_error, face_right, face_error; "nearest" and "pairs" have contact 0.
     """
@@ -150,16 +150,16 @@ def figure_budget(table: pd.DataFrame) -> Drawn:
         for model, marker, label in (("nearest", "s", "nearest throws"), ("pairs", "D", "most alike pairs")):
             part = table[table["model"] == model]
             ax.plot(part["contact"] - 0.3, scale * part[column], marker, color=INK, markersize=4, label=label)
-        ax.set(xlabel="contact before which the throw goes on", xticks=range(int(table["contact"].max()) + 1))
+        ax.set(xlabel="contact before which the throw is restarted", xticks=range(int(table["contact"].max()) + 1))
     axes[0].axhline(25.0, color=GREY, linewidth=0.7, zorder=0)
-    axes[0].set(ylabel="faces right (%)", ylim=(0.0, 100.0))
+    axes[0].set(ylabel="correct faces (%)", ylim=(0.0, 100.0))
     axes[1].set(ylabel="scatter at rest (sides)", ylim=(0.0, None))
     figure.legend(*axes[0].get_legend_handles_labels(), loc="outside upper center", ncols=3, fontsize="x-small")
     return figure, table
 
 
 def draw_density(ax: Axes, grid: np.ndarray, density: np.ndarray, color: str, label: str | None = None) -> None:
-    """A density (n,) over `grid` (n,) with its area shaded."""
+    """Draw a density (n,) over `grid` (n,) with shaded area."""
     ax.fill_between(grid, density, color=color, alpha=0.3, linewidth=0.0)
     ax.plot(grid, density, color=color, label=label)
     ax.set_ylim(bottom=0.0)
@@ -167,9 +167,9 @@ def draw_density(ax: Axes, grid: np.ndarray, density: np.ndarray, color: str, la
 
 @house_style
 def figure_4_3(poses: pd.DataFrame, samples: pd.DataFrame, shape: Polygon) -> Drawn:
-    """Measured throw until its second contact, with outlines of samples from the belief over it.
+    """Figure 4-3: measured throw until its second contact, with outlines of samples from the belief.
 
-    `poses`: trial, t (s), x, y (m), theta (rad), as measured; `samples`: the same of a single trial, and contact.
+    `poses`: trial, t (s), x, y (m), theta (rad), as measured; `samples`: the same for one trial, and contact.
     """
     trial = int(samples["trial"].iloc[0])
     figure = new_figure(height=3.2)
@@ -196,9 +196,9 @@ def figure_4_3(poses: pd.DataFrame, samples: pd.DataFrame, shape: Polygon) -> Dr
 
 @house_style
 def figure_4_4(samples: pd.DataFrame, rest: np.ndarray, side: float) -> Drawn:
-    """Distribution of the horizontal distance at the start, after each of two contacts and at rest.
+    """Figure 4-4: distribution of the horizontal distance at the start, after each of two contacts, and at rest.
 
-    `samples`: contact, x of one throw's particles; `rest`: (M,) their positions at rest; `side` of the die; all in m.
+    `samples`: contact, x of the particles of one throw; `rest`: (M,) positions at rest; `side` of the die; all in m.
     """
     figure = new_figure(height=3.6)
     zero = float(samples.loc[samples["contact"] == 0, "x"].mean())
@@ -223,7 +223,7 @@ def figure_4_4(samples: pd.DataFrame, rest: np.ndarray, side: float) -> Drawn:
 
 @house_style
 def figure_4_10(beliefs: pd.DataFrame, marks: pd.DataFrame) -> Drawn:
-    """Belief over the resting position of an easy and a hard throw, with the law's end and the measured end.
+    """Figure 4-10: belief over the resting position of an easy and a hard throw, with predicted and measured end.
 
     `beliefs`: case ("easy", "hard"), distance of each particle; `marks`: case, law, measured; all in sides.
     """
@@ -231,7 +231,7 @@ def figure_4_10(beliefs: pd.DataFrame, marks: pd.DataFrame) -> Drawn:
     axes = figure.subplots(1, 2, sharex=True)
     low, high = beliefs["distance"].quantile([0.001, 0.999])
     ends = marks[["law", "measured"]].to_numpy()
-    # extends beyond the samples, so that each density ends near 0
+    # extends beyond the samples, where each density is near 0
     grid = np.linspace(min(low, ends.min()) - 2.0, max(high, ends.max()) + 2.0, 321)
     rows = []
     for ax, case in zip(axes, ("hard", "easy")):
@@ -250,7 +250,7 @@ def figure_4_10(beliefs: pd.DataFrame, marks: pd.DataFrame) -> Drawn:
 
 @house_style
 def figure_calibration(histograms: pd.DataFrame, coverage: pd.DataFrame) -> Drawn:
-    """PIT histogram and coverage of beliefs over resting positions.
+    """Figure of the PIT histogram and coverage of beliefs over resting positions.
 
     `histograms`: model, pit, share, low, high (band of a calibrated belief).  `coverage`: model, level, coverage, low,
     high.
@@ -258,7 +258,7 @@ def figure_calibration(histograms: pd.DataFrame, coverage: pd.DataFrame) -> Draw
     figure = new_figure(height=3.2)
     left, right = figure.subplots(1, 2)
     band = histograms.groupby("pit", sort=True)[["low", "high"]].first()
-    look = {"color": "0.9", "linewidth": 0.0, "label": "95 % of right ones"}
+    look = {"color": "0.9", "linewidth": 0.0, "label": "95 % if calibrated"}
     left.fill_between([0.0, 1.0], band["low"].min(), band["high"].max(), **look)
     for model, part in histograms.groupby("model", sort=False):
         color, dash, label = MODEL_STYLE[model]

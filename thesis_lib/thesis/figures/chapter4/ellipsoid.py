@@ -1,11 +1,11 @@
-"""Figures 4-1 and 4-2: the body at contact with its energy ellipse, and the energy ellipsoid of contact wrenches.
+"""Figures 4-1 and 4-2: the body in contact with its energy ellipse, and the energy ellipsoid of contact wrenches.
 
     ellipse    (c + M_C v_C)ᵀ M_C⁻¹ (c + M_C v_C) ≤ v_Cᵀ M_C v_C                          equation 4.5
     ellipsoid  |z + B w|² ≤ |z|²,   z = (v_x, v_y, k ω),  w = (c_t, c_n, τ),  z⁺ = z + B w
 
-The ellipsoid is the image of the ball of all velocities with no more kinetic energy than before.  Its cut with τ = 0
-is the ellipse; its part with v_n⁺ ≥ 0 neither penetrates nor gains energy.  Impulses (c_t, c_n) and τ/k, the couple
-about the contact point over the radius of gyration, are in N s.  The impact is that of figures 3-1 to 3-3.
+The ellipsoid is the image of the ball of all velocities with at most the initial kinetic energy.  Its section τ = 0 is
+the ellipse; impulses in its part with v_n⁺ ≥ 0 neither penetrate nor gain energy.  Impulses (c_t, c_n) and τ/k, the
+couple about the contact point over the radius of gyration, are in N s.  The impact is that of figures 3-1 to 3-3.
 """
 
 import numpy as np
@@ -24,7 +24,7 @@ MERIDIANS, POINTS = 12, 73
 
 @house_style
 def figure_4_1(body: Body) -> Drawn:
-    """Planar body that touches a level surface, and the energy ellipse of this impact."""
+    """Figure 4-1: planar body that touches a level surface, and the energy ellipse of this impact."""
     axis = ImpulseAxis.of(body.mass is not None)
     figure = new_figure(height=3.2)
     left, right = figure.subplots(1, 2, width_ratios=(1.0, 1.15))
@@ -64,7 +64,7 @@ def _draw_body(ax: Axes, body: Body) -> pd.DataFrame:
 
 @house_style
 def figure_4_2(body: Body) -> Drawn:
-    """Energy ellipsoid of wrenches, with the plane of maximum compression and the energy ellipse of point impulses."""
+    """Figure 4-2: energy ellipsoid of wrenches, plane of maximum compression, energy ellipse of point impulses."""
     unit = ImpulseAxis.of(body.mass is not None)
     curves = _ellipsoid(_impact(body))
     figure = new_figure(4.6, 4.4)
@@ -103,7 +103,7 @@ def _impact(body: Body) -> Impacts:
 
 
 def _ellipsoid(impact: Impacts) -> pd.DataFrame:
-    """Curves on the ellipsoid about the direction of the contact's normal: series, curve, c_t, c_n, tau_over_k."""
+    """Curves on the ellipsoid about the direction of the contact normal: series, curve, c_t, c_n, tau_over_k."""
     k_g, r = impact.k_g, impact.r[0]
     z = impact.v_pre[0] * [1.0, 1.0, k_g]
     radius = np.linalg.norm(z)
@@ -133,7 +133,7 @@ def _ellipsoid(impact: Impacts) -> pd.DataFrame:
         for j in (1, 2):
             add(series, MERIDIANS + j, on_sphere(np.full(POINTS, side * j * np.pi / 6.0), around))
     add("maximum compression", 0, on_sphere(np.zeros(POINTS), around))
-    # a point impulse does not change z·b: a circle of the sphere at that height
+    # a point impulse does not change z·b, which gives a circle of the sphere at that height
     fixed = z @ b / radius
     circle = np.cos(around)[:, None] * t + np.sin(around)[:, None] * n
     add("energy ellipse, τ = 0", 0, fixed * b + np.sqrt(1.0 - fixed**2) * circle)

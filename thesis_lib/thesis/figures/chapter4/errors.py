@@ -1,7 +1,7 @@
-"""Figures 4-5 and 4-6, and named physics before the residual: held-out errors of learned contact models.
+"""Figures 4-5, 4-6 and of named physics with residuals: held-out errors of learned contact models.
 
 The error of an impact is ‖v⁺ − v̂⁺‖_k = √(δv_x² + δv_y² + (k δω)²) in m/s; means are over held-out impacts and random
-splits.  Tables come from thesis_lib.thesis.residual.learning_study; their n is the number of training impacts.  Bands
+splits.  Tables are from thesis_lib.thesis.residual.learning_study; n is the number of training impacts.  Bands
 and bars are 95 % intervals: over splits in figure 4-6, over held-out trials in the figure of named physics.
 """
 
@@ -50,7 +50,7 @@ def _style(model: str) -> LineStyle:
 
 @house_style
 def figure_4_5(errors: pd.DataFrame, law: str) -> Drawn:
-    """Densities and shares of held-out errors: data-driven models above, models with an impact law below.
+    """Figure 4-5: densities and shares of held-out errors of data-driven models (above) and models with a law (below).
 
     `errors`: model, n, error (m/s) of each held-out impact; a failed solve (NaN) counts as infinite in the share.
     `law`: the impact law of class 2, drawn in both rows.
@@ -61,7 +61,7 @@ def figure_4_5(errors: pd.DataFrame, law: str) -> Drawn:
     values = {name: part["error"].to_numpy() for name, part in errors.groupby("model", sort=False)}
     for name, error in values.items():
         if not np.isfinite(error).any():
-            raise UserError(f"{name} has no finite held-out error; look at errors.csv.")
+            raise UserError(f"{name} has no finite held-out error; see errors.csv.")
     everywhere = (law, "best_post_hoc", "irb_bound")
     drawn = [name for names in CLASSES.values() for name in names if name in values]
     top = 1.15 * float(np.nanmax([np.nanquantile(values[name], 0.97) for name in (*drawn, *everywhere)]))
@@ -87,7 +87,7 @@ def figure_4_5(errors: pd.DataFrame, law: str) -> Drawn:
 
 @house_style
 def figure_4_6(summary: pd.DataFrame, law: str) -> Drawn:
-    """Mean held-out error against the number of training impacts, with intervals over random splits.
+    """Figure 4-6: mean held-out error against the number of training impacts, with intervals over random splits.
 
     `summary`: model, n, mean, low, high (from `learning_study.curve_summary`); `law`: the impact law of class 2.
     """
@@ -112,11 +112,11 @@ def figure_4_6(summary: pd.DataFrame, law: str) -> Drawn:
 def figure_named_physics(
     rungs: pd.DataFrame, summary: pd.DataFrame, effects: Sequence[str] = (), floor: float | None = None
 ) -> Drawn:
-    """Errors of law, effects and residuals: the error left to learn once the missing effects are added.
+    """Figure of the errors of law, effects and residuals: the part left to learn once the missing effects are added.
 
     `rungs`, `summary`: model, n, mean, low, high, in m/s (of `learning_study.named_physics`); `rungs` with the rows
-    irb_bound and irb_bound_effects.  `effects`: titles of those that the critique chose; `floor`: its noise floor in
-    m/s, None if the noise is not known.
+    irb_bound and irb_bound_effects.  `effects`: titles of effects chosen by the critique; `floor`: its noise floor in
+    m/s, None if the noise is unknown.
     """
     at = rungs.set_index("model")
     figure = new_figure(height=4.0)
@@ -168,7 +168,7 @@ def _log_axes(ax: Axes, drawn: pd.DataFrame) -> None:
     ax.set(xscale="log", yscale="log")
     low, high = drawn["mean"].min(), drawn["mean"].max()
     ax.set_ylim(0.85 * low, 1.15 * high)
-    # fewer multiples of powers of ten are labelled on an axis that spans more
+    # fewer multiples of powers of ten are labelled on an axis with a wider range
     wide = (1.0, 2.0, 5.0) if high < 15.0 * low else (1.0, 3.0)
     ticks = (1.0, 1.5, 2.0, 3.0, 4.0, 5.0, 6.0, 8.0) if high < 3.0 * low else wide
     for axis, subs in ((ax.xaxis, (1.0, 3.0)), (ax.yaxis, ticks)):

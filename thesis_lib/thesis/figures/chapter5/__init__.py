@@ -1,1 +1,1 @@
-"""Figures of chapter 5: the tower, the models learned from it, and how well each policy plays."""
+"""Figures of chapter 5: the tower, the models learned from it, and the games of the policies."""

@@ -1,9 +1,9 @@
-"""Figure 5-7 (thesis section 5.5.4), the abstractions, and hidden effects: the learned model of the tower.
+"""Figures of the learned model of the tower: figure 5-7 (thesis section 5.5.4), abstractions, and hidden effects.
 
     friction cone:  |f_t| ≤ μ f_n,   μ = 0.42 (plastic on wood; 0.35 to 0.5 in the thesis)
 
 f_n and f_t, in N, are the force on the block along and across the push; μ is the friction coefficient of finger and
-block.  `mixture.names_of` names abstractions.  Apart from figure 5-7, the thesis describes them only in words.
+block.  `mixture.names_of` names abstractions; apart from figure 5-7, the thesis describes them in words only.
 """
 
 import re
@@ -25,10 +25,10 @@ DASHES = ("-", (0, (5, 1.5)), (0, (1, 1.2)), (0, (3, 1, 1, 1)))
 QUANTITIES = {
     "share": "share of\nsamples",
     "force": "force\n(N)",
-    "rise": "force's rise\n(N/mm)",
-    "move": "block's\nmove (1)",
+    "rise": "rise of force\n(N/mm)",
+    "move": "motion of\nblock (1)",
     "lag": "lag\n(1)",
-    "drag": "tower's\nmove (1)",
+    "drag": "motion of\ntower (1)",
     "stuck_share": "truth:\nstuck",
 }
 STAGES = {"before": (RED, "o", "before"), "relearned": (BLUE, "s", "relearned")}
@@ -38,7 +38,7 @@ AS_PREDICTED = "#E0E0E0"
 
 
 def abstraction_style(names: list[str]) -> dict[str, tuple[str, object]]:
-    """Colour by the kind of an abstraction (also of a new one), line style by its number among those of its kind."""
+    """Colour for each kind of abstraction (new ones too), and line style for its number within the kind."""
     styles, counts, colors = {}, Counter(), dict(COLORS)
     for name in names:
         kind = re.sub(r" \d+$", "", name.removeprefix("new: "))
@@ -50,7 +50,7 @@ def abstraction_style(names: list[str]) -> dict[str, tuple[str, object]]:
 
 @house_style
 def figure_5_7(cone: pd.DataFrame, height: pd.DataFrame) -> Drawn:
-    """(A) Predicted forces over the friction cone; (B) force against the height of the block.
+    """Figure 5-7: (A) predicted forces over the friction cone; (B) force against the height of the block.
 
     `cone`: f_n, f_t (N, predicted next forces), abstraction, inside (1: within the cone).  `height`: height_mm (of the
     block above the base), f_n and f_n_pred (N, measured and predicted), abstraction; their means are drawn.
@@ -81,7 +81,7 @@ def figure_5_7(cone: pd.DataFrame, height: pd.DataFrame) -> Drawn:
         right.plot(mean.index, mean["f_n"], "o", color=color, markersize=3.5, markerfacecolor="white")
     right.set(ylim=(min(0.0, float(height["f_n"].min())), None), ylabel="normal force $f_n$ (N)")
     right.set(xlabel="height of the block above the base (mm)", title="B  resistance (rings: measured)")
-    # of a name in both panels the left one, with the share inside the cone
+    # for a name in both panels, use the entry of the left panel, with the share inside the cone
     entries = [entry for ax in (right, left) for entry in zip(*ax.get_legend_handles_labels())]
     shown = {label.split(" (")[0]: (handle, label) for handle, label in entries}
     figure.legend(*zip(*[shown[name] for name in names]), loc="outside lower center", ncols=3, markerscale=2.5)
@@ -91,10 +91,10 @@ def figure_5_7(cone: pd.DataFrame, height: pd.DataFrame) -> Drawn:
 
 @house_style
 def figure_abstractions(table: pd.DataFrame) -> Drawn:
-    """Properties of each abstraction: a row of bars for each, a panel for each quantity.
+    """Figure of the properties of abstractions: a row of bars for each, and a panel for each quantity.
 
     `table`: abstraction (its name), share (1), force (N), rise (N/mm), move, lag, drag (1), stuck_share (share of its
-    pushes whose block is truly stuck), stuck (1: counts as stuck, found without truth; marked).
+    pushes whose block is truly stuck), stuck (1: counts as stuck by a rule without the truth; marked).
     """
     colors = [color for color, _ in abstraction_style(list(table["abstraction"])).values()]
     figure = new_figure(height=0.9 + 0.26 * len(table))
@@ -117,16 +117,16 @@ def figure_abstractions(table: pd.DataFrame) -> Drawn:
     rows = zip(table["abstraction"], table["stuck"])
     axes[0].set_yticks(places, [f"{name} *" if mark == 1 else name for name, mark in rows])
     axes[0].set_ylim(len(table) - 0.4, -0.6)
-    figure.supxlabel("* counts as stuck, by a rule without truth", fontsize=7, x=0.01, ha="left")
+    figure.supxlabel("* counts as stuck by a rule that does not use the truth", fontsize=7, x=0.01, ha="left")
     return figure, table.reset_index(drop=True)
 
 
 @house_style
 def figure_hidden(errors: pd.DataFrame, pushes: pd.DataFrame) -> Drawn:
-    """A hidden effect: one-step error before and after relearning, and the blocks on which predictions fail.
+    """Figure of hidden effects: one-step error before and after relearning, and blocks on which predictions fail.
 
     `errors`: effect, stage (before, relearned), group (see `GROUPS`), error (1), low, high, n (pushes).  `pushes`:
-    effect, block, fails (1: the predictive check fails), abstraction (name of the nearest one).
+    effect, block, fails (1: the predictive check fails), abstraction (name of the nearest abstraction).
     """
     effects = list(errors["effect"].unique())
     figure = new_figure(height=0.75 + 2.0 * len(effects))
@@ -142,7 +142,7 @@ def figure_hidden(errors: pd.DataFrame, pushes: pd.DataFrame) -> Drawn:
         tables += [rows.assign(panel="error"), blocks.assign(panel="blocks", effect=effect)]
     handles, top = {}, 1.08 * float(errors[["error", "high"]].max().max())
     for left in panels[:, 0]:
-        left.set(ylim=(0.0, top), ylabel="one-step error\n(in spreads of a change)")
+        left.set(ylim=(0.0, top), ylabel="one-step error (in standard\ndeviations of a change)")
         handles |= dict(zip(*reversed(left.get_legend_handles_labels())))
     shown = {f"fails: {name}": fill for name, fill in fills.items()}
     shown |= {"as predicted": AS_PREDICTED, "not pushed": "white"}
@@ -153,7 +153,7 @@ def figure_hidden(errors: pd.DataFrame, pushes: pd.DataFrame) -> Drawn:
 
 
 def _errors(ax: Axes, errors: pd.DataFrame) -> None:
-    """Errors of one effect with their intervals, groups side by side."""
+    """Draw the errors of one effect with their intervals, groups side by side."""
     groups = [group for group in GROUPS if group in set(errors["group"])]
     for row in errors.itertuples():
         color, marker, label = STAGES[row.stage]
@@ -169,7 +169,7 @@ def _errors(ax: Axes, errors: pd.DataFrame) -> None:
 
 
 def _map_of_tower(ax: Axes, pushes: pd.DataFrame, fills: dict[str, str]) -> pd.DataFrame:
-    """The 45 blocks that may be pushed, coloured if any push to the block failed; returns the plotted numbers."""
+    """Draw the 45 blocks that may be pushed, coloured if a push of the block failed; return the plotted numbers."""
     rows = []
     for block, part in pushes.groupby("block"):
         failing = part.loc[part["fails"] == 1, "abstraction"]

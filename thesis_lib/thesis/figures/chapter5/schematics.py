@@ -1,11 +1,11 @@
-"""Figures 5-2, 5-3, 5-4B and 5-5C: pushed block, hierarchical model and architecture as diagrams (thesis 5.3.1).
+"""Figures 5-2, 5-3, 5-4B and 5-5C: diagrams of the pushed block, the hierarchical model and the architecture.
 
-The tables hold no data, only the places of a diagram's parts in units of the picture.
+The tables contain no data, only the positions of a diagram's parts in units of the picture (thesis 5.3.1).
 
 | on paper | in the diagrams                                                                  |
 |----------|----------------------------------------------------------------------------------|
 | α, π     | concentration and shares of the stick-breaking process                           |
-| c_i      | abstraction of push i; of MOR: l_t, the expert of one step                       |
+| c_i      | abstraction of push i; for MOR: l_t, the expert of one step                      |
 | θ_k      | weights of the network (HMA) or the regression (MOR) of abstraction k            |
 | s_t, a_t | state and action; z_t, Σ_z: reading and its noise                                |
 | D, N, K  | plates: steps of a window, pushes, abstractions                                  |
@@ -22,7 +22,7 @@ from matplotlib.patches import Circle, FancyBboxPatch, Rectangle
 from thesis_lib.figures.planar_drawing import Sketch, unit
 from thesis_lib.figures.style import BLUE, GREY, INK, RED, WIDTH, Drawn, house_style, new_figure
 
-RADIUS = 0.34  # of a node
+RADIUS = 0.34  # radius of a node
 MARGIN = 0.45  # around the drawing: at least a node's radius
 GIVEN, BLOCK, GHOST = "#D9D9D9", "#C9B6DC", "#F1ECF6"
 LEARNED = "#F6D9C4"
@@ -33,10 +33,10 @@ Node = tuple[Place, str, bool | None]
 
 @house_style
 def figure_5_2() -> Drawn:
-    """A pusher against a block that (a) is too heavy to move and (b) moves along; state: q_t, p_t and f_t."""
+    """Figure 5-2: pusher against a block that (a) is too heavy to move and (b) moves along; state: q_t, p_t and f_t."""
     figure = new_figure(5.2, 1.55)
     sketches = []
-    cases = (("a", "heavy: force climbs, nothing moves", 0.0, 2.3), ("b", "light: moves at little force", 1.3, 0.9))
+    cases = (("a", "heavy: force rises, nothing moves", 0.0, 2.3), ("b", "light: moves at little force", 1.3, 0.9))
     for ax, (panel, title, moved, force) in zip(figure.subplots(1, 2, sharex=True, sharey=True), cases):
         sketch = Sketch(ax, panel)
         sketch.ground(-4.2, 4.6, 0.35)
@@ -62,7 +62,7 @@ def figure_5_2() -> Drawn:
 
 @house_style
 def figure_5_3() -> Drawn:
-    """Plate notation of the hierarchical model: abstractions over transitions over readings."""
+    """Figure 5-3: the hierarchical model in plate notation: abstractions, transitions and readings."""
     figure = new_figure(4.6, 2.7)
     sketch = Sketch(figure.add_subplot(), "")
     nodes = {
@@ -91,7 +91,7 @@ def figure_5_3() -> Drawn:
 
 @house_style
 def figure_5_4() -> Drawn:
-    """Architecture (figure 5-4B): sensing, inference with the learned physics, game play, control, robot and tower."""
+    """Figure 5-4B: architecture of sensing, inference with learned physics, game play, control, robot and tower."""
     figure = new_figure(WIDTH, 2.6)
     sketch = Sketch(figure.add_subplot(), "B")
     boxes = {
@@ -125,7 +125,7 @@ def figure_5_4() -> Drawn:
 
 @house_style
 def figure_5_5c() -> Drawn:
-    """Structure (figure 5-5C): MOR has an expert l_t for each step, HMA an abstraction c for the whole push."""
+    """Figure 5-5C: structure of MOR, with an expert l_t for each step, and HMA, with an abstraction c for a push."""
     figure = new_figure(WIDTH, 2.3)
     sketches = []
     for ax, panel in zip(figure.subplots(1, 2, sharex=True, sharey=True), ("MOR", "HMA")):
@@ -140,7 +140,7 @@ def figure_5_5c() -> Drawn:
             edges += [(f"s_{time}", f"s_{after}"), (f"a_{time}", f"s_{after}")]
             if panel == "MOR":
                 nodes[f"l_{time}"] = ((2.0 * i + 1.0, 3.8), rf"$l_{{{time}}}$", False)
-                # the gate sees state and action
+                # the gate depends on state and action
                 edges += [(f"a_{time}", f"l_{time}"), (f"s_{time}", f"l_{time}"), (f"l_{time}", f"s_{after}")]
         if panel == "HMA":
             nodes["c"] = ((3.0, 3.8), r"$\mathbf{c}$", False)
@@ -153,7 +153,7 @@ def figure_5_5c() -> Drawn:
 
 
 def _places(*sketches: Sketch) -> pd.DataFrame:
-    """Everything drawn (panel, series, x, y); gives the panels common limits around it."""
+    """Table of everything drawn (panel, series, x, y); also sets common limits of the panels around it."""
     table = pd.concat([sketch.table() for sketch in sketches], ignore_index=True)
     low, high = table[["x", "y"]].min() - MARGIN, table[["x", "y"]].max() + MARGIN
     for sketch in sketches:
@@ -162,7 +162,7 @@ def _places(*sketches: Sketch) -> pd.DataFrame:
 
 
 def _graph(sketch: Sketch, nodes: dict[str, Node], edges: list[tuple[str, str]], radius: float = RADIUS) -> None:
-    """Nodes (place, text; observed, latent, or None: a fixed parameter, drawn as a dot) and the arrows between them."""
+    """Draw nodes (place, text; observed, latent, or None: fixed parameter, a dot) and the arrows between them."""
     dot = 0.09
     for name, (at, text, observed) in nodes.items():
         sketch.keep(name, np.array(at))
@@ -181,7 +181,7 @@ def _graph(sketch: Sketch, nodes: dict[str, Node], edges: list[tuple[str, str]],
 
 
 def _plate(sketch: Sketch, name: str, low: Place, high: Place, text: str) -> None:
-    """Rectangle around repeated nodes, with its number in the lower right corner."""
+    """Draw a plate, the rectangle around repeated nodes, with its number in the lower right corner."""
     width, height = np.subtract(high, low)
     sketch.keep(f"plate {name}", np.array([low, high]))
     sketch.ax.add_patch(Rectangle(low, width, height, fill=False, edgecolor=GREY, linewidth=0.9))
@@ -199,7 +199,7 @@ def _box(sketch: Sketch, name: str, at: Place, title: str, text: str, colour: st
 
 
 def _hop(sketch: Sketch, name: str, start: np.ndarray, end: np.ndarray, text: str) -> None:
-    """Arrow between the borders of two boxes that are beside or above each other."""
+    """Draw an arrow between the borders of two boxes that are beside or above each other."""
     away = np.sign(end - start) * HALF
     sketch.arrow(name, start + away, end - start - 2.0 * away)
     level = start[1] == end[1]

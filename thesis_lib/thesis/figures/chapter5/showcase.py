@@ -1,12 +1,12 @@
-"""Figures 5-5A, 5-8 and 5-9, and frames of a game: the tower, belief during pushes, steering of a block (thesis 5.5.4).
+"""Figures 5-5A, 5-8, 5-9 and frames of a game: tower, beliefs during pushes, steering of a block (thesis 5.5.4).
 
 Figures 5-8 and 5-9 show pushes of a stuck and an easy block.  Angles are drawn in mm, as in the thesis: yaw · r_g, with
 the radius of gyration r_g = 23 mm.
 
-Pictures of the tower are made without OpenGL, so that they look the same everywhere.  Parallel projection: with camera
+Pictures of the tower are drawn without OpenGL, to look the same everywhere.  Parallel projection: with camera
 azimuth α and elevation ε, the picture's axes are r = (−sin α, cos α, 0) and
 w = (−sin ε cos α, −sin ε sin α, cos ε), the direction to the camera d = (cos ε cos α, cos ε sin α, sin ε).  Boxes are
-painted from bottom to top, and from far to near within a layer, which is right for a camera above the layers.
+painted from bottom to top, and from far to near within a layer, which is correct for a camera above the layers.
 """
 
 import textwrap
@@ -26,15 +26,15 @@ from thesis_lib.thesis.figures.chapter5.model import abstraction_style
 
 CASES = {"stuck": "A  block that is stuck", "easy": "B  block that moves easily"}
 LENGTH, WIDE = 75.0, 25.0  # mm, of a block
-SHOWN = 6  # steps drawn from above in figure 5-9
+SHOWN = 6  # number of steps drawn from above in figure 5-9
 ARROW = 24.0  # mm, length of the heading's arrow
 AZIMUTH, ELEVATION = np.radians(35.0), np.radians(22.0)
 Colour = tuple[float, float, float]
-STACKED = 10e-3  # m; a block this much higher than at first was placed on top
+STACKED = 10e-3  # m; a block that has risen by more than this was placed on top
 WOOD, PUSHED, PLACED = (0.87, 0.72, 0.53), (0.80, 0.36, 0.22), (0.45, 0.62, 0.80)
 LIGHT = np.array([0.55, 0.25, 0.80])
 HALF_LAYER = 7.5e-3  # m; half of the height that is painted as one layer
-# corners of each face of the cube [-1, 1]^3, in order around it, and the axis it faces
+# faces of the cube [-1, 1]^3: axis and side that a face points to, and its corners in order
 FACES = [
     (axis, side, [np.insert(pair, axis, side) for pair in ((-1, -1), (1, -1), (1, 1), (-1, 1))])
     for axis in range(3)
@@ -44,10 +44,10 @@ FACES = [
 
 @house_style
 def figure_5_8(showcase: pd.DataFrame) -> Drawn:
-    """Readings, predictions and belief of each abstraction, step by step: force, displacement, probability.
+    """Figure 5-8: force, displacement and probability at each step: readings, predictions, belief of each abstraction.
 
     `showcase`: case (stuck, easy), step, abstraction (name), belief, belief_nuts (1; NaN if there is none), f_n (N) and
-    x (mm) as read, f_n_pred and x_pred as that abstraction predicted them.
+    x (mm) as measured, f_n_pred and x_pred as predicted by the abstraction.
     """
     styles = abstraction_style(list(showcase["abstraction"].unique()))
     cases = [case for case in CASES if case in set(showcase["case"])]
@@ -81,10 +81,10 @@ def figure_5_8(showcase: pd.DataFrame) -> Drawn:
 
 @house_style
 def figure_5_9(steering: pd.DataFrame, exaggeration: float = 3.0) -> Drawn:
-    """The block from above at several steps of a steered push, and its path with and without steering.
+    """Figure 5-9: block from above at several steps of a steered push, and its path with and without steering.
 
-    `steering`, of one block: steered (0, 1), step, advance (mm), x, y, yaw (mm; yaw times r_g), offset (mm), heading
-    (rad), controlled (0 or 1: after the disturbance).  `exaggeration` enlarges y, yaw and heading seen from above.
+    `steering`, for one block: steered (0, 1), step, advance (mm), x, y, yaw (mm; yaw times r_g), offset (mm), heading
+    (rad), controlled (0 or 1: after the disturbance).  `exaggeration` enlarges y, yaw and heading as seen from above.
     """
     steering = steering.sort_values(["steered", "step"], ignore_index=True)
     controlled = steering[steering["steered"] == 1]
@@ -92,14 +92,14 @@ def figure_5_9(steering: pd.DataFrame, exaggeration: float = 3.0) -> Drawn:
     grid = figure.add_gridspec(2, 1, height_ratios=[1.7, 1])
     chosen = controlled.index[np.unique(np.linspace(0, len(controlled) - 1, SHOWN).round().astype(int))]
     panels = grid[0].subgridspec(1, len(chosen)).subplots(sharex=True, sharey=True, squeeze=False)[0]
-    # room for the largest turn, the same in all panels
+    # room for the largest rotation, the same in all panels
     outlines = [_from_above(ax, row, exaggeration) for ax, row in zip(panels, controlled.loc[chosen].itertuples())]
     corners = np.concatenate(outlines)
     half = float(np.abs(corners[:, 1]).max()) + 4.0
     panels[0].set_xlim(half, -half)  # y to the left: x points up, seen from above
     panels[0].set_ylim(-0.5 * LENGTH - ARROW - 8.0, float(corners[:, 0].max()) + 4.0)
     text = f"steered push from above, upwards, y to the left; y, yaw and heading × {exaggeration:g}; "
-    figure.suptitle(f"{text}dotted: block at first, dashed: goal", fontsize=7.5, x=0.01, ha="left")
+    figure.suptitle(f"{text}dotted: block at the start, dashed: goal", fontsize=7.5, x=0.01, ha="left")
     ax = figure.add_subplot(grid[1])
     for name, symbol, colour in (("y", "$y$", BLUE), ("yaw", r"$\theta\, r_g$", RED)):
         for steered, line in ((1, "-"), (0, (0, (1.2, 1.2)))):
@@ -120,13 +120,13 @@ def figure_5_9(steering: pd.DataFrame, exaggeration: float = 3.0) -> Drawn:
 
 
 def outline_from_above(x: float, y: float, angle: float) -> np.ndarray:
-    """Closed corners (5, 2) in mm, along and across the push, of a block at x, y (mm) turned by `angle` (rad)."""
+    """Closed outline (5, 2) in mm, along and across the push, of a block at x, y (mm) turned by `angle` (rad)."""
     corners = 0.5 * np.array([[-LENGTH, -WIDE], [LENGTH, -WIDE], [LENGTH, WIDE], [-LENGTH, WIDE], [-LENGTH, -WIDE]])
     return turned(corners, angle) + [x, y]
 
 
 def _from_above(ax: Axes, row: tuple, factor: float) -> np.ndarray:
-    """One step: the block, the goal line, the contact and the heading of the next 1 mm; returns the block's outline."""
+    """Draw one step: block, goal line, contact and heading of the next 1 mm; return the block's outline."""
     angle = factor * row.yaw / RADIUS_OF_GYRATION
     outline = outline_from_above(row.x, factor * row.y, angle)
     place = outline_from_above(0.0, 0.0, 0.0)
@@ -147,7 +147,7 @@ def _from_above(ax: Axes, row: tuple, factor: float) -> np.ndarray:
 
 
 def draw_tower(ax: Axes, poses: np.ndarray, sizes: np.ndarray, painted: Mapping[int, Colour]) -> pd.DataFrame:
-    """Draw the blocks in mm, of wood apart from those `painted`; returns block, x, y, z (m), qw to qz.
+    """Draw the blocks in mm, in the colour of wood or as `painted`; return block, x, y, z (m), qw to qz.
 
     poses: (54, 7), m and unit quaternions; rows of NaN are left out.  sizes: (54, 3), m.
     """
@@ -179,16 +179,16 @@ def draw_tower(ax: Axes, poses: np.ndarray, sizes: np.ndarray, painted: Mapping[
 
 @house_style
 def figure_5_5a(poses: np.ndarray, sizes: np.ndarray) -> Drawn:
-    """The simulated tower; poses: (54, 7), m and unit quaternions; sizes: (54, 3), m."""
+    """Figure 5-5A: the simulated tower; poses: (54, 7), m and unit quaternions; sizes: (54, 3), m."""
     figure = new_figure(WIDTH / 2, 4.2)
     return figure, draw_tower(figure.add_subplot(), poses, sizes, {})
 
 
 @house_style
 def figure_game(frames: Sequence[np.ndarray], sizes: np.ndarray, titles: Sequence[str], blocks: Sequence[int]) -> Drawn:
-    """Strip of pictures of one game: the current block in red, those already placed on top in blue.
+    """Figure with a strip of pictures of one game: current block in red, blocks already placed on top in blue.
 
-    `frames`: poses (54, 7) each, the untouched tower first; `sizes`: (54, 3), m; `blocks`: the current one of each
+    `frames`: poses (54, 7) each, the untouched tower first; `sizes`: (54, 3), m; `blocks`: current block of each
     frame, -1 for none.
     """
     figure = new_figure(height=2.1)

@@ -1,4 +1,4 @@
-"""Figures 5-5B and 5-6, paired comparisons and the movable blocks: how far each policy plays.
+"""Figures of the games: 5-5B and 5-6, paired comparisons of policies, and the movable blocks.
 
 `mean` is the number of successful consecutive extractions, averaged over towers; `size` is the number of samples, 0 for
 policies that do not learn; `share` is successes over attempts.  `low` and `high` are 95 % intervals from the tables.
@@ -13,7 +13,7 @@ from thesis_lib.figures.planar_drawing import note
 from thesis_lib.figures.style import BLUE, GREEN, GREY, INK, RED, SKY, VIOLET, YELLOW, Drawn, house_style, new_figure
 
 GOAL = 21  # extractions expected on an unperturbed tower (thesis): 47 % of 45
-PUBLISHED_MOVABLE, TOLERANCE = 0.47, 0.04  # thesis; our choice of what counts as reproduced
+PUBLISHED_MOVABLE, TOLERANCE = 0.47, 0.04  # share in the thesis; deviation that counts as reproduced (own choice)
 POLICY_STYLE = {
     "hma": (RED, "-", "o", "HMA"),
     "hma_without_cost": (YELLOW, (0, (4, 1.5)), "D", "HMA without “no move” cost"),
@@ -28,9 +28,9 @@ POLICY_STYLE = {
     "exploration": ("0.5", (0, (3, 2)), "", "exploration"),
     "always_push": ("0.6", (0, (1.5, 1.5)), "", "always push"),
 }
-COLUMNS = (48, 100, 136)  # points to the right of figure 5-6's bars; ends of its columns of text
+COLUMNS = (48, 100, 136)  # right ends of the columns of text beside the bars of figure 5-6, in points
 PANELS_ACROSS = 4
-# the bars differ without colour, too
+# bars can be distinguished without colour
 PHASES = {
     "exploration": {"color": "0.72", "hatch": "////", "edgecolor": "white", "linewidth": 0},
     "learned": {"color": SKY},
@@ -38,13 +38,13 @@ PHASES = {
 
 
 def policy_style(name: str) -> tuple[str, object, str, str]:
-    """Colour, line style, marker and label of a policy; an unknown policy keeps its name."""
+    """Colour, line style, marker and label of a policy; the label of an unknown policy is its name."""
     return POLICY_STYLE.get(name, ("#7F3C8D", "-", "x", name.replace("_", " ")))
 
 
 @house_style
 def figure_5_5b(curve: pd.DataFrame) -> Drawn:
-    """Consecutive extractions against the number of samples; policies that do not learn are level lines.
+    """Figure 5-5B: consecutive extractions against the number of samples; policies that do not learn are level lines.
 
     `curve`: policy, size, mean, low, high, n (towers); size is 0 for a policy that does not learn.  The returned table
     has the thesis's goal as policy `thesis`.
@@ -56,7 +56,7 @@ def figure_5_5b(curve: pd.DataFrame) -> Drawn:
     for i, name in enumerate(names):
         color, dash, marker, label = policy_style(name)
         part = learners[learners["policy"] == name].sort_values("size")
-        # side by side if sizes are equal
+        # offset, so that points of equal size are side by side
         x = part["size"] * 1.04 ** (i - 0.5 * (len(names) - 1))
         ax.plot(x, part["mean"], color=color, linestyle=dash, marker=marker, markersize=4, label=label)
         ax.vlines(x, part["low"], part["high"], color=color, linewidth=1.0)
@@ -85,13 +85,13 @@ def figure_5_5b(curve: pd.DataFrame) -> Drawn:
 
 @house_style
 def figure_paired(pairs: pd.DataFrame) -> Drawn:
-    """Differences of extractions on the same towers, a panel for each policy and its number of samples.
+    """Figure of differences of extractions on the same towers, with a panel for each policy and number of samples.
 
     A dot is filled if its interval excludes zero.  `pairs`: policy, rival, size (samples of the policy), difference,
     low, high, n (towers), and rival_size.
     """
     table = pairs.assign(other=pairs["rival_size"])
-    # a rival of other sizes has a row for each size
+    # a rival with other sizes has a row for each size
     sized = set(table.loc[(table["other"] != table["size"]) & (table["other"] != 0), "rival"])
     label = table["rival"].map(lambda rival: policy_style(rival)[3])
     table["row"] = label + [f" ({row.other:g})" if row.rival in sized else "" for row in table.itertuples()]
@@ -125,7 +125,7 @@ def figure_paired(pairs: pd.DataFrame) -> Drawn:
 
 @house_style
 def figure_5_6(success: pd.DataFrame) -> Drawn:
-    """Success of push, extraction and placement, exploration against learned, beside the thesis's numbers.
+    """Figure 5-6: success of push, extraction and placement, for exploration and learned policy, beside the thesis.
 
     `success`: phase (exploration, learned), position (all, side, middle), action (push, extract, place), attempts,
     successes, share, low, high, published (shares 0 to 1, NaN if nothing was tried or published).
@@ -159,7 +159,7 @@ def figure_5_6(success: pd.DataFrame) -> Drawn:
 
 @house_style
 def figure_movable(fractions: pd.DataFrame, summary: pd.DataFrame, threshold: float) -> Drawn:
-    """Share of movable blocks against the threshold, and of each tower at the one fixed on development towers, in mm.
+    """Figure of the share of movable blocks against the threshold (mm), and by tower at the threshold that was chosen.
 
     `fractions`: tower, set (development, test), threshold_mm, share; `summary`: set, threshold_mm, mean, low, high.
     """
@@ -185,8 +185,8 @@ def figure_movable(fractions: pd.DataFrame, summary: pd.DataFrame, threshold: fl
         ((mean, low),) = at[["mean", "low"]].to_numpy()
         right.errorbar(i + 0.32, mean, mean - low, fmt="D", color=color, markersize=4, capsize=2)
         right.text(i + 0.38, mean + 0.004, f" {100 * mean:.0f} %", fontsize=7, color=color)
-    left.axvline(threshold, color=INK, linewidth=0.8, linestyle=(0, (2, 2)), label="fixed")
-    left.set(xlabel="other blocks move at most (mm)", ylabel="share of 45 blocks movable")
+    left.axvline(threshold, color=INK, linewidth=0.8, linestyle=(0, (2, 2)), label="chosen")
+    left.set(xlabel="largest motion of other blocks (mm)", ylabel="share of 45 blocks movable")
     figure.legend(*left.get_legend_handles_labels(), loc="outside upper left", ncols=3, columnspacing=1.2)
     right.set_xticks(range(fractions["set"].nunique()), sorted(fractions["set"].unique()))
     right.set_xlim(-0.4, fractions["set"].nunique() - 0.3)
@@ -195,13 +195,13 @@ def figure_movable(fractions: pd.DataFrame, summary: pd.DataFrame, threshold: fl
 
 
 def _counted(n: pd.Series) -> str:
-    """Number of towers behind the values."""
+    """Number of towers over which values are computed, as text."""
     low, high = int(n.min()), int(n.max())
     return f"{low} to {high} towers" if low < high else "1 tower" if low == 1 else f"{low} towers"
 
 
 def _beside(ax: Axes, marks: list[tuple[str, float, str]]) -> None:
-    """Names of levels at the right edge, moved apart where they would overlap."""
+    """Write the names of levels at the right edge, moved apart where they would overlap."""
     bottom, top = ax.get_ylim()
     least = 0.055 * (top - bottom)
     places: list[float] = []
@@ -215,7 +215,7 @@ def _beside(ax: Axes, marks: list[tuple[str, float, str]]) -> None:
 
 
 def _success_row(ax: Axes, row: tuple, y: float, look: dict) -> None:
-    """One bar with its interval, its counts at the right and the thesis's number as a mark."""
+    """Draw one bar with its interval, its counts at the right, and the thesis's number as a marker."""
     ax.barh(y, 100 * np.nan_to_num(row.share), height=0.34, **look)
     tried, published = row.attempts > 0, np.isfinite(row.published)
     if tried:
@@ -232,5 +232,5 @@ def _success_row(ax: Axes, row: tuple, y: float, look: dict) -> None:
 
 
 def _aside(ax: Axes, edge: float, points: float, y: float, text: str, **look: object) -> None:
-    """Text at height y that ends `points` away from an edge (0 left, 1 right) of the panel."""
+    """Write text at height y that ends `points` away from an edge (0 left, 1 right) of the panel."""
     note(ax, text, (edge, y), (points, 0), xycoords=ax.get_yaxis_transform(), ha="right", va="center", **look)

@@ -1,1 +1,1 @@
-"""Arm and disk: base parameters and contact forces from noisy states and torques (thesis 2.4)."""
+"""Arm and disk: identification of base parameters and contact forces from noisy states and torques (thesis 2.4)."""

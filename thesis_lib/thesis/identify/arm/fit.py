@@ -1,15 +1,15 @@
-"""Base parameters and contact forces of arm and disk from noisy states and torques, from blind starts (thesis 2.4).
+"""Maximum-likelihood base parameters and contact forces of arm and disk, without a good initial guess (thesis 2.4).
 
-Lengths, radius, gravity, torques, μ and ε are known.  The base parameters, the start and the noise level are unknown.
-Their starting values are drawn from a prior (`ArmPrior`).  The likelihood is maximised in five stages:
+Lengths, radius, gravity, torques, μ and ε are known.  The base parameters, the start and the noise level are unknown;
+starting values are drawn from a prior (`ArmPrior`).  The likelihood of the noisy states is maximised in five stages:
 
 1. screen: prior draws predict short segments from the measured states; the best few are kept;
 2. segments: 10, 25 and 60 steps, each segment with a free start (`shooting`);
 3. growth: one motion from the first sample, over a horizon that grows to the whole record;
-4. kicks: the best answer is moved by a few standard errors and refitted, with differences over a standard error, until
-   χ² stops falling.  This crosses the kinks where a contact event moves by a step;
-5. gate: χ²/n of the residuals over their white part must be below `gate`; otherwise new draws are tried, and in the end
-   the fit counts as failed.
+4. kicks: the best result is moved by a few standard errors and refitted, with differences over a standard error, until
+   χ² stops falling.  This crosses the kinks of χ² at which a contact event moves by a time step;
+5. gate: χ²/n of the residuals relative to their white part must be below `gate`; otherwise new draws are tried, and
+   after the last attempt the fit counts as failed.
 
 The covariance of (x_0, ξ) is the inverse of J'J of the whitened residuals (the Cramér-Rao bound at the estimate),
 where J holds differences over a standard error.  The standard errors of the forces use the same perturbations.
@@ -34,18 +34,18 @@ from thesis_lib.thesis.identify.arm.shooting import (
     noise_of_residuals,
 )
 
-AXES_REPETITIONS = 3  # of the axes' search; most settle in two
-SAME = 1.001  # ratio of χ² up to which two candidates count as one answer
+AXES_REPETITIONS = 3  # iterations of the search for the axes; most converge in two
+SAME = 1.001  # ratio of χ² up to which two candidates count as the same solution
 HOPELESS = 10.0  # ratio to the best χ² above which a candidate is dropped
 KICK = (0.05, 3.0)  # sizes of kicks in standard errors, smallest and largest
-# of a coordinate's conditional standard error, over which differences are taken, in turn; 0 for derivatives
+# difference steps in turn, as shares of a coordinate's conditional standard error; 0 for derivatives
 SHARES = (1.0, 0.0, 0.3)
 SILENT = 1e-8  # share of the largest information below which a direction counts as not determined
 
 
 @dataclass(frozen=True)
 class ArmFit:
-    """Result of a fit."""
+    """Result of a maximum-likelihood fit."""
 
     theta: np.ndarray  # (6,) Θ in the order of `parameters.NAMES`, kg, kg m, kg m²
     std: np.ndarray  # (6,) standard errors of Θ
@@ -60,10 +60,10 @@ class ArmFit:
 
 
 def fit(arm: ArmDisk, data: ArmData, rng: np.random.Generator, settings: ArmFitSettings) -> ArmFit:
-    """Maximum-likelihood parameters and forces of one motion; `accepted` says whether the fit passes the gate.
+    """Maximum-likelihood parameters and forces of one motion; `accepted` is true if the fit passes the gate.
 
     Only the lengths, base, radius and gravity of `arm` are used.  `data` are from `shooting.measured`; `rng` draws
-    starts and kicks.
+    starting values and kicks.
     """
     best: tuple[Shooting, Candidates, float] | None = None
     for attempt in range(settings.attempts):
@@ -82,7 +82,7 @@ def fit(arm: ArmDisk, data: ArmData, rng: np.random.Generator, settings: ArmFitS
 
 
 def error_bound(arm: ArmDisk, data: ArmData, theta: np.ndarray, q0: np.ndarray, v0: np.ndarray) -> np.ndarray:
-    """Cramér-Rao bound (6,) on the standard errors of Θ, where the start and Θ are unknown.
+    """Cramér-Rao bound (6,) on the standard errors of Θ if the start and Θ are unknown.
 
     The states of `data` are not used; `theta` (6,), `q0` and `v0` (5,) are true.
     """
@@ -98,20 +98,20 @@ def _whole(data: ArmData, stop: int | None = None) -> Stage:
 
 
 def _screened(shooting: Shooting, theta: np.ndarray, settings: ArmFitSettings) -> Candidates:
-    """The candidates that best predict short segments from the measured states."""
+    """Candidates that best predict short segments from the measured states."""
     stage = equal_segments(shooting.data.steps, settings.segments[0])
     p = free_coordinates(theta, shooting.arm.link_lengths[0])
     x = np.tile(shooting.z[[start for start, _ in stage]], (len(p), 1, 1))
     r = shooting.residuals(stage, p, x)
     chi2 = np.nan_to_num(np.einsum("nsr,nsr->ns", r, r), nan=np.inf) / r.shape[2]
-    # the logarithm: a start slightly on the wrong side of a contact spoils its segment for every candidate
+    # logarithm because a start slightly on the wrong side of a contact spoils its segment for every candidate
     score = np.log1p(np.minimum(chi2, 1e12)).sum(axis=1)
     order = np.argsort(score, kind="stable")[: settings.candidates]
     return Candidates(p[order], x[order], np.full(len(order), np.inf))
 
 
 def _grown(shooting: Shooting, point: Candidates, settings: ArmFitSettings, growth: int) -> Candidates:
-    """Candidates over the whole motion, by lengthening the segments and then growing the horizon."""
+    """Fit candidates to the whole motion by lengthening the segments and then growing the horizon."""
     data = shooting.data
     longest = settings.segments[-1]
     stages = [equal_segments(data.steps, length) for length in settings.segments]
@@ -126,7 +126,7 @@ def _grown(shooting: Shooting, point: Candidates, settings: ArmFitSettings, grow
 
 
 def _distinct(point: Candidates) -> Candidates:
-    """Candidates in ascending χ², without duplicates and without those far worse than the best."""
+    """Candidates in ascending χ², without duplicates and without candidates far worse than the best."""
     order = np.argsort(point.cost, kind="stable")
     kept = [order[0]]
     for i in order[1:]:
@@ -138,7 +138,7 @@ def _distinct(point: Candidates) -> Candidates:
 def _kicked(
     shooting: Shooting, point: Candidates, rng: np.random.Generator, settings: ArmFitSettings
 ) -> tuple[Shooting, Candidates]:
-    """The best candidate at the noise level of its residuals, perturbed until χ² stops falling."""
+    """Perturb and refit the best candidate, at the noise level of its residuals, until χ² stops falling."""
     stage = _whole(shooting.data)
     best = point[[int(point.cost.argmin())]]
     idle = 0
@@ -163,10 +163,10 @@ def _kicked(
 def _neighbours(
     shooting: Shooting, best: Candidates, A: np.ndarray, rng: np.random.Generator, settings: ArmFitSettings
 ) -> Candidates:
-    """Points of least χ² within a few standard errors whose sequences of contact modes differ.
+    """Points of least χ² within a few standard errors, each with a different sequence of contact modes.
 
-    Half of them lie along the axes of the uncertainty.  Where a grazing contact makes the motion unstable, the right
-    sequence fills a thousandth of a standard error in one direction, which only a line search can hit.
+    Half of them lie along the axes of the uncertainty.  If a grazing contact makes the motion unstable, the right
+    sequence occupies a thousandth of a standard error in one direction, which only a line search can find.
     """
     n = len(A)
     coordinates = np.zeros((settings.kicks, n))
@@ -189,7 +189,7 @@ def _neighbours(
 
 
 def _weighed(shooting: Shooting, best: Candidates, settings: ArmFitSettings) -> tuple[Shooting, Candidates]:
-    """The same problem with the noise level of the residuals, and the candidate fitted to it."""
+    """Problem with the noise level set from the residuals, and the candidate refitted to it."""
     stage = _whole(shooting.data)
     r = shooting.residuals(stage, best.p, best.x)[0, 0].reshape(-1, 10)
     sigma = (noise_of_residuals(r) * shooting.sigma).reshape(2, 5)
@@ -198,10 +198,10 @@ def _weighed(shooting: Shooting, best: Candidates, settings: ArmFitSettings) -> 
 
 
 def _axes(shooting: Shooting, best: Candidates) -> np.ndarray:
-    """Axes A (n, n) of the uncertainty of (x_0, p), each of one standard error: their covariance is A A'.
+    """Axes A (n, n) of the uncertainty of (x_0, p), each one standard error long: the covariance is A A'.
 
     At a kink, where an event is about to move by a step, the derivatives on the two sides differ.  The axes are found
-    by iteration: along each, the residuals change by one on average over both sides.
+    by iteration, such that along each the residuals change by one, averaged over both sides.
     """
     stage = _whole(shooting.data)
     _, J = shooting.differences(stage, best.p, best.x)
@@ -226,7 +226,7 @@ def _inverse_root(H: np.ndarray) -> np.ndarray:
 
 
 def _chi2(shooting: Shooting, best: Candidates) -> float:
-    """χ²/n against the white part of the residuals; n is reduced by the 16 unknowns."""
+    """χ²/n relative to the white part of the residuals; n is reduced by the 16 unknowns."""
     r = shooting.residuals(_whole(shooting.data), best.p, best.x)[0, 0].reshape(-1, 10)
     ratio = np.mean(np.mean(r**2, axis=0) / noise_of_residuals(r) ** 2)
     return float(ratio * r.size / (r.size - 16))

@@ -33,7 +33,7 @@ NAMES = ("m1_c1_plus_l1_m2", "I1_plus_l1l1_m2", "m2_c2", "I2", "m_disk", "I_disk
 
 
 class ArmPrior(Section):
-    """What is believed of arm and disk before any data: only the order of magnitude of bodies of that size."""
+    """Prior distribution of arm and disk: the order of magnitude of bodies of that size."""
 
     mass: Spread = Field(
         Spread(low=0.1, high=10.0), description="kg, of each body, drawn log-uniformly; own choice: two decades"
@@ -45,7 +45,7 @@ class ArmPrior(Section):
     disk_gyration: Spread = Field(Spread(low=0.2, high=1.0), description="radius of gyration over radius; 1 is a hoop")
 
     def draw(self, n: int, arm: ArmDisk, rng: np.random.Generator) -> np.ndarray:
-        """Base parameters (n, 6) of n draws; only the lengths, radius and gravity of `arm` are used."""
+        """Draw n sets of base parameters, (n, 6); only the lengths, radius and gravity of `arm` are used."""
         u = rng.random((n, 8))
         low, high = np.log([self.mass.low, self.mass.high])
         m = np.exp(low + (high - low) * u[:, :3])
@@ -59,15 +59,15 @@ class ArmPrior(Section):
 
 
 def base_of(arm: ArmDisk) -> np.ndarray:
-    """Base parameters (6,) of an arm.
+    """Base parameters Θ (6,) of an arm with disk.
 
     Raises:
-        UserError: a link's centre of mass lies off its axis, which would need further parameters.
+        UserError: a link's centre of mass lies off its axis, which would require further parameters.
     """
     if arm.link_coms[:, 1].any():
         raise UserError(
-            "The arm's base parameters here are those of links whose centre of mass lies on their axis; got "
-            f"{arm.link_coms[:, 1]} m across. Use the general base set of base_parameters for other arms."
+            "These base parameters require that each link's centre of mass lies on its axis; the arm has it "
+            f"{arm.link_coms[:, 1]} m off. For such arms, use the general base_parameters."
         )
     (m1, m2), (c1, c2) = arm.link_masses, arm.link_coms[:, 0]
     i1, i2 = arm.link_inertias + arm.link_masses * arm.link_coms[:, 0] ** 2
@@ -76,7 +76,7 @@ def base_of(arm: ArmDisk) -> np.ndarray:
 
 
 def regressor(arm: ArmDisk, q: np.ndarray, v: np.ndarray, a: np.ndarray) -> np.ndarray:
-    """Y (n, 5, 6), N or N m per Θ, at configurations, velocities and accelerations (n, 5); lengths and g of `arm`."""
+    """Regressor Y (n, 5, 6), N or N m per Θ, at positions, velocities, accelerations (n, 5); lengths and g of `arm`."""
     l1, g = arm.link_lengths[0], arm.g
     c1, c12 = np.cos(q[:, 0]), np.cos(q[:, 0] + q[:, 1])
     c2, s2 = l1 * np.cos(q[:, 1]), l1 * np.sin(q[:, 1])
@@ -99,14 +99,14 @@ def positive_definite(theta: np.ndarray, l1: float) -> np.ndarray:
 
 
 def free_coordinates(theta: np.ndarray, l1: float) -> np.ndarray:
-    """ξ (..., 6) of Θ (..., 6).
+    """Unconstrained coordinates ξ (..., 6) of base parameters Θ (..., 6).
 
     Raises:
         UserError: M is not positive definite.
     """
     theta = np.asarray(theta, dtype=float)
     if not positive_definite(theta, l1).all():
-        raise UserError(f"These base parameters of the arm have no positive definite mass matrix: {theta}.")
+        raise UserError(f"These base parameters of the arm do not give a positive definite mass matrix: {theta}.")
     L11 = np.sqrt(theta[..., 1])
     L21 = l1 * theta[..., 2] / L11
     L22 = np.sqrt(theta[..., 3] - L21**2)
@@ -116,7 +116,7 @@ def free_coordinates(theta: np.ndarray, l1: float) -> np.ndarray:
 
 
 def from_free(xi: np.ndarray, l1: float) -> np.ndarray:
-    """Θ (..., 6) of ξ (..., 6)."""
+    """Base parameters Θ (..., 6) of unconstrained coordinates ξ (..., 6)."""
     xi = np.asarray(xi, dtype=float)
     L11, L21, L22 = np.exp(xi[..., 1]), xi[..., 2], np.exp(xi[..., 3])
     return np.stack(
@@ -125,7 +125,7 @@ def from_free(xi: np.ndarray, l1: float) -> np.ndarray:
 
 
 def from_free_jacobian(xi: np.ndarray, l1: float) -> np.ndarray:
-    """∂Θ/∂ξ (6, 6) at one ξ (6,)."""
+    """Jacobian ∂Θ/∂ξ (6, 6) at one ξ (6,)."""
     L11, L21, L22 = np.exp(xi[1]), xi[2], np.exp(xi[3])
     D = np.zeros((6, 6))
     D[0, 0] = 1.0

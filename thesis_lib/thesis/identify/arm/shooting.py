@@ -1,15 +1,15 @@
-"""Maximum likelihood of arm and disk by shooting through the contact simulator (thesis 2.4, beyond eqs. 2.12 to 2.14).
+"""Maximum likelihood of arm and disk by shooting with the contact simulator (thesis 2.4, beyond eqs. 2.12 to 2.14).
 
 For known torques, a start x_0 = (q_0, v_0) and base parameters Θ(ξ), the motion is simulated with the step of
-`stepping`, contact modes included.  Minimised is
+`stepping`, contact modes included, to minimise
 
     χ²(x_0, ξ) = Σ_k |W (z_k - z(k; x_0, ξ))|²,     W = 1/σ per channel,  z = (q, v).
 
-χ² is rough over the whole motion, where an impact that comes a step late costs thousands, and has hardly a false
-minimum over short segments with free starts.  These are lengthened stage by stage.  Their starts are eliminated from
-the arrow-shaped normal equations; all perturbed copies of all candidates are simulated in one batch.
+Over the whole motion χ² is rough, since an impact predicted a step late costs thousands; over short segments with free
+starts it has hardly any false minimum.  Segments are therefore lengthened stage by stage.  Their starts are eliminated
+from the arrow-shaped normal equations; all perturbed copies of all candidates are simulated in one batch.
 
-The noise level is estimated (`noise_level`, `noise_of_residuals`) so that χ²/n near 1 is a test that a fit can fail.
+The noise level is estimated (`noise_level`, `noise_of_residuals`), which makes χ²/n near 1 a test that a fit can fail.
 
 Sources: H. G. Bock, Recent advances in parameter identification techniques for O.D.E., 1983,
 doi 10.1007/978-1-4684-7324-7_7 (multiple shooting); D. W. Marquardt, SIAM J. 11 (1963), doi 10.1137/0111030.
@@ -25,17 +25,17 @@ from thesis_lib.statistics.spread import robust_std
 from thesis_lib.thesis.identify.arm.parameters import from_free
 from thesis_lib.thesis.identify.arm.stepping import Copies, simulate_copies
 
-STEP = 1e-6  # of a parameter or a state: forward differences, whose rounding is then 1e-8
-DAMPING = np.array([0.02, 0.3, 4.0, 60.0])  # factors on the damping that an iteration tries side by side
-SETTLED = 1e-3  # relative fall of χ² in an iteration
-LARGEST_STEP = 1.5  # of a logarithm: no parameter changes by more than a factor of 4.5 in an iteration
+STEP = 1e-6  # forward-difference step of a parameter or a state; the rounding error is then 1e-8
+DAMPING = np.array([0.02, 0.3, 4.0, 60.0])  # factors on the damping that are tried in parallel in an iteration
+SETTLED = 1e-3  # relative decrease of χ² in an iteration, below which the search counts as converged
+LARGEST_STEP = 1.5  # of a logarithm, so that no parameter changes by more than a factor of 4.5 in an iteration
 Stage = tuple[tuple[int, int], ...]  # segments (start, stop) in steps, each predicted from a free start
-CLIP, CLIPPED = 3.0, 0.9733  # and the variance of a normal distribution cut off there
+CLIP, CLIPPED = 3.0, 0.9733  # standard deviations, and the variance of a normal distribution truncated there
 
 
 @dataclass(frozen=True)
 class ArmData:
-    """Data of one motion: noisy states, torques, and the contacts' coefficients."""
+    """Data of one motion: noisy states, torques, and coefficients of the contacts."""
 
     h: float  # s
     q: np.ndarray  # q, v: (m+1, 5) measured states z, m, rad and per s
@@ -53,7 +53,7 @@ class ArmData:
 
 @dataclass(frozen=True)
 class Candidates:
-    """P candidates: p = ξ (P, 6), starts x (P, S, 10) of the segments, χ² (P,)."""
+    """Candidate solutions, P in number: p = ξ (P, 6), starts x (P, S, 10) of the segments, cost χ² (P,)."""
 
     p: np.ndarray
     x: np.ndarray
@@ -70,8 +70,8 @@ def noise_level(q: np.ndarray, v: np.ndarray, h: float) -> np.ndarray:
 
         rms of (q_{k+1} - q_k - h v_{k+1}) = √2 σ_q
 
-    whatever the contacts do.  σ_v comes from second differences, of variance 6 σ²; their median ignores the few steps
-    with events.
+    independently of the contacts.  σ_v comes from second differences, of variance 6 σ²; their median ignores the few
+    steps with events.
     """
     slack = np.diff(q, axis=0) - h * v[1:]
     second = np.diff(v, n=2, axis=0)
@@ -81,8 +81,8 @@ def noise_level(q: np.ndarray, v: np.ndarray, h: float) -> np.ndarray:
 def noise_of_residuals(r: np.ndarray) -> np.ndarray:
     """Standard deviations (...,) of the white part of residuals (n, ...), from their first differences (von Neumann).
 
-    Model error lasts many steps: it shows in the residuals, hardly in their differences.  The ratio of the two tests a
-    fit without a known noise level.  Differences beyond `CLIP` standard deviations are left out, since an impact that
+    Model errors last many steps, so they show in the residuals but hardly in their differences.  The ratio tests a
+    fit without a known noise level.  Differences beyond `CLIP` standard deviations are omitted, since an impact that
     the model predicts a step late must not count as noise.
     """
     d = np.diff(r, axis=0) / np.sqrt(2.0)
@@ -92,10 +92,10 @@ def noise_of_residuals(r: np.ndarray) -> np.ndarray:
 
 
 def measured(q: np.ndarray, v: np.ndarray, f_ext: np.ndarray, h: float, mu: float, epsilon: float = 0.0) -> ArmData:
-    """Data of one motion, with its noise level estimated; arguments as in `ArmData`.
+    """Return the data of one motion with its estimated noise level; arguments as in `ArmData`.
 
     Raises:
-        UserError: shapes do not fit, values are not finite, the motion is too short, or a channel has no noise at all.
+        UserError: shapes do not match, values are not finite, the motion is too short, or a channel has no noise.
     """
     q, v, f_ext = (np.asarray(a, dtype=float) for a in (q, v, f_ext))
     m = len(f_ext)
@@ -104,26 +104,26 @@ def measured(q: np.ndarray, v: np.ndarray, f_ext: np.ndarray, h: float, mu: floa
             f"Arm and disk need states (m+1, 5) and external forces (m, 5); got {q.shape}, {v.shape}, {f_ext.shape}."
         )
     if not (np.isfinite(q).all() and np.isfinite(v).all() and np.isfinite(f_ext).all()):
-        raise UserError("The arm's states or torques hold NaN or infinite values; cut or repair them first.")
+        raise UserError("The arm's states or torques contain NaN or infinite values; remove or repair them first.")
     if m < 10:
-        raise UserError(f"A motion of {m} steps is too short to identify arm and disk; give at least 10.")
+        raise UserError(f"A motion of {m} steps is too short to identify arm and disk; at least 10 are needed.")
     sigma = noise_level(q, v, h)
     if not (sigma > 0).all():
         raise UserError(
-            "A channel of the arm's states shows no noise at all, so that it cannot be weighed; without noise, use the "
+            "A channel of the arm's states has no noise, so it cannot be weighted; for data without noise, use the "
             "mode QP (mode_qp.solve_mode_qp)."
         )
     return ArmData(float(h), q, v, f_ext, float(mu), float(epsilon), sigma)
 
 
 def equal_segments(steps: int, length: int) -> Stage:
-    """The whole motion in segments of about `length` steps."""
+    """Divide the whole motion into segments of about `length` steps."""
     edges = np.linspace(0, steps, max(round(steps / length), 1) + 1).round().astype(int)
     return tuple(zip(edges[:-1].tolist(), edges[1:].tolist()))
 
 
 class Shooting:
-    """χ² of a motion over the segments of a stage, and its minimisation.
+    """Problem of fitting one motion: χ² over the segments of a stage, and its minimisation.
 
     Only the lengths, base, radius and gravity of `arm` are used.
     """
@@ -134,14 +134,14 @@ class Shooting:
         self.sigma = data.sigma.ravel()
 
     def copies(self, p: np.ndarray, x: np.ndarray, f_ext: np.ndarray) -> Copies:
-        """Motions of n copies with parameters p (n, 6) from x (n, 10) under f_ext (m, 5) or (n, m, 5)."""
+        """Simulate n copies with parameters p (n, 6) from x (n, 10) under f_ext (m, 5) or (n, m, 5)."""
         theta = from_free(p, self.arm.link_lengths[0])
         d = self.data
         return simulate_copies(self.arm, theta, x[:, :5], x[:, 5:], f_ext, d.h, d.mu, d.epsilon)
 
     def residuals(self, stage: Stage, p: np.ndarray, x: np.ndarray) -> np.ndarray:
-        """Whitened residuals (n, S, (L+1) 10) for p (n, 6), x (n, S, 10): zero beyond a segment's end, NaN without a
-        solution."""
+        """Whitened residuals (n, S, (L+1) 10) for p (n, 6), x (n, S, 10): zero beyond a segment's end, NaN if the
+        motion has no solution."""
         n, S = x.shape[:2]
         lengths = np.array([stop - start for start, stop in stage])
         L = int(lengths.max())
@@ -168,7 +168,7 @@ class Shooting:
     def differences(
         self, stage: Stage, p: np.ndarray, x: np.ndarray, steps: np.ndarray | None = None
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Residuals (P, S, R) and their derivatives (P, S, 16, R) by the segment's start and by p.
+        """Residuals (P, S, R) and their derivatives (P, S, 16, R) with respect to the segment's start and p.
 
         `steps` (16,) are the forward difference steps; the default approximates derivatives.
         """
@@ -189,9 +189,9 @@ class Shooting:
         return base, np.nan_to_num(jacobian, nan=0.0, posinf=0.0, neginf=0.0).transpose(0, 2, 1, 3)
 
     def minimise(self, stage: Stage, point: Candidates, iterations: int, steps: np.ndarray | None = None) -> Candidates:
-        """Levenberg-Marquardt of P candidates side by side, each until χ² falls by less than `SETTLED` twice.
+        """Levenberg-Marquardt for P candidates in parallel, each until χ² falls by less than `SETTLED` twice.
 
-        `steps` as in `differences`.  Steps of one standard error average the slope over the kinks of χ², at which a
+        `steps` as in `differences`; steps of one standard error average the slope over the kinks of χ², at which a
         search with derivatives gets stuck.
         """
         p, x = point.p.copy(), point.x.copy()
@@ -229,7 +229,7 @@ class Shooting:
         return Candidates(p, x, cost)
 
     def moved(self, point: Candidates, old: Stage, new: Stage) -> Candidates:
-        """The candidates with starts for the segments of stage `new`, simulated from those of `old`."""
+        """Candidates with starts for the segments of stage `new`, simulated from the starts of stage `old`."""
         x = np.empty((len(point.p), len(new), 10))
         begins = [start for start, _ in old]
         for j, (start, _) in enumerate(new):
@@ -238,7 +238,7 @@ class Shooting:
             if begins[i] < start:
                 out = self.copies(point.p, point.x[:, i], self.data.f_ext[begins[i] : start])
                 x[:, j] = np.concatenate([out.q[:, -1], out.v[:, -1]], axis=1)
-        # where that simulation has no solution, the measured states
+        # where that simulation has no solution, the measured states are used
         lost = ~np.isfinite(x).all(axis=2)
         x[lost] = np.broadcast_to(self.z[[start for start, _ in new]], x.shape)[lost]
         return Candidates(point.p, x, np.full(len(x), np.inf))

@@ -1,17 +1,17 @@
-"""Time stepping of a batch of arm-and-disk copies, each with its own base parameters and start; compiled.
+"""Compiled time stepping of a batch of arm-and-disk copies, each with its own base parameters and start.
 
-The step is that of `simulate.stepping.stepping` for contact pairs ("arm", "ground"), with the closed-form dynamics of
+The scheme is that of `simulate.stepping.stepping` for contact pairs ("arm", "ground"), with the closed-form dynamics of
 `parameters`.  In each step each contact of a copy has one mode,
 
     off     c_n = 0,  c_t = 0                 needs v_n⁺ >= b, or no contact
     stick   v_n⁺ = b, v_t⁺ = 0                needs c_n >= 0, |c_t| <= μ c_n
     slip s  v_n⁺ = b, c_t = -s μ c_n          needs c_n >= 0, s v_t⁺ >= 0,       s = ±1,
 
-so that four linear equations give the impulse.  The previous step's modes are tried first, then all sixteen pairs.
+and four linear equations give the impulse.  The previous step's modes are tried first, then all sixteen pairs.
 
-numba compiles this file at the first call, in some seconds, and keeps the result beside it.  What is compiled must
-stand here, and numbers of other files come in as arguments, since numba does not see changes of other files.  Rows are
-copied number by number: where shapes could differ numba compiles a message for it, too, which takes as long again.
+numba compiles this file at the first call, in a few seconds, and caches the result beside it.  All compiled code must
+be in this file, and constants of other files are passed as arguments: numba does not detect changes of other files.
+Rows are copied element by element: if shapes could differ, numba would compile an error message, doubling the time.
 """
 
 from dataclasses import dataclass
@@ -27,8 +27,8 @@ OFF, STICK, SLIP_UP, SLIP_DOWN = range(4)  # v_t⁺ > 0 and v_t⁺ < 0 in the la
 _SIGN = np.array([0.0, 0.0, 1.0, -1.0])
 # sticking pairs first: of several solutions, the most dissipative is taken
 _ALL_MODES = np.array(list(product((STICK, SLIP_UP, SLIP_DOWN, OFF), repeat=2)), dtype=np.int8)
-MODE_TOL = 1e-11  # of velocities and impulses at a mode's border; rounding of the 4 x 4 systems is near 1e-14
-SHIFT = 1e-15  # of the diagonal of an exactly singular system, which then fails its conditions
+MODE_TOL = 1e-11  # tolerance of velocities and impulses at a mode's limit; rounding of the 4 x 4 systems is near 1e-14
+SHIFT = 1e-15  # added to the diagonal of an exactly singular system, which then fails its conditions
 
 compiled = njit(cache=True, error_model="numpy")
 
@@ -60,7 +60,7 @@ def simulate_copies(
     `q0`, `v0` (n, 5); `f_ext` (m, 5) or (n, m, 5) in N and N m; `h` in s; `mu`, `epsilon` are those of both pairs.
     """
     f_ext = np.asarray(f_ext, dtype=float)
-    f_ext = np.array(np.broadcast_to(f_ext, (len(theta), *f_ext.shape[-2:])), order="C")  # as numba compiled for
+    f_ext = np.array(np.broadcast_to(f_ext, (len(theta), *f_ext.shape[-2:])), order="C")  # compiled for this
     n, m = f_ext.shape[:2]
     out = Copies(
         q=np.full((n, m + 1, 5), np.nan),
@@ -79,7 +79,7 @@ def simulate_copies(
 
 @compiled
 def _steps(theta, q, v, c_n, c_t, mode, f_ext, constants):
-    """All steps of every copy, into q, v (n, m+1, 5), c_n, c_t and mode (n, m, 2)."""
+    """Do all steps of every copy, writing to q, v (n, m+1, 5), c_n, c_t and mode (n, m, 2)."""
     h, mu, epsilon, touch, v_rebound, v_recover = constants[6:12]
     J, MJ, K, A = np.zeros((4, 5)), np.zeros((5, 4)), np.zeros((4, 4)), np.zeros((4, 4))
     v_free, phi, phi_free, q_free = np.zeros(5), np.zeros(2), np.zeros(2), np.zeros(5)
@@ -125,8 +125,8 @@ def _steps(theta, q, v, c_n, c_t, mode, f_ext, constants):
 
 @compiled
 def _free_step(theta, q, v, f, constants, v_free, J, MJ, phi):
-    """Of one copy: the velocity without contact forces (5,), contact rows J (4, 5) in the order of K, M⁻¹ J' (5, 4)
-    and gaps (2,) in m."""
+    """Compute for one copy the velocity without contact forces (5,), contact rows J (4, 5) in the order of K,
+    M⁻¹ J' (5, 4) and gaps (2,) in m."""
     l1, l2, bx, by, R, g, h = constants[:7]
     c1, s1 = np.cos(q[0]), np.sin(q[0])
     ux, uy = np.cos(q[0] + q[1]), np.sin(q[0] + q[1])
@@ -170,7 +170,7 @@ def _free_step(theta, q, v, f, constants, v_free, J, MJ, phi):
 
 @compiled
 def _gaps(q, constants, phi):
-    """Gaps (2,) in m at a configuration (5,)."""
+    """Compute the gaps (2,) in m at a configuration (5,)."""
     l1, l2, bx, by, R = constants[:5]
     ux, uy = np.cos(q[0] + q[1]), np.sin(q[0] + q[1])
     ox, oy = q[2] - bx - l1 * np.cos(q[0]), q[3] - by - l1 * np.sin(q[0])
@@ -180,7 +180,7 @@ def _gaps(q, constants, phi):
 
 @compiled
 def _impulses(K, A, v_c, b, mu, active, mode, c):
-    """Impulses c (4,) = (c_t, c_n of both pairs) in N s and modes (2,), from a guess of them; NaN where none hold.
+    """Find impulses c (4,) = (c_t, c_n of both pairs) in N s and modes (2,), from a guess of modes; NaN if none hold.
 
     K (4, 4) in 1/kg is J M⁻¹ J', rows J_t of both pairs, then J_n.
     """
@@ -197,7 +197,7 @@ def _impulses(K, A, v_c, b, mu, active, mode, c):
 
 @compiled
 def _modes_hold(K, A, v_c, b, mu, active, mode, c):
-    """Impulses c (4,) in N s of the modes (2,), and whether the modes' conditions hold."""
+    """Compute impulses c (4,) in N s for the modes (2,), and return whether the modes' conditions hold."""
     for shift in (0.0, SHIFT):
         for r in range(4):
             replaced = mode[r % 2] != STICK if r < 2 else mode[r % 2] == OFF

@@ -1,10 +1,10 @@
-"""Accuracy of the contact forces and base parameters of arm and disk, without and with noise (thesis 2.4, figure 2-12).
+"""Accuracy of identified contact forces and base parameters of arm and disk, with and without noise (figure 2-12).
 
-Three methods identify the same trajectories; base parameters and forces are unknown to all:
+Three methods identify the same trajectories (thesis 2.4); base parameters and forces are unknown to all methods:
 
     exact    the mode-wise program (2.12, `mode_qp`) on states without noise
-    plain    the same on noisy states; a gap or sliding velocity within a few standard deviations counts as zero
-    ours     maximum likelihood by shooting from blind starts (`fit`)
+    plain    the same program on noisy states; a gap or sliding velocity within a few standard deviations counts as zero
+    ours     maximum likelihood by shooting, without a good initial guess (`fit`)
 
 The error of a pair's force c = (c_t, c_n) is relative, over contact steps without impact (`force_error`) and with
 (`impact_error`):
@@ -12,8 +12,8 @@ The error of a pair's force c = (c_t, c_n) is relative, over contact steps witho
     e = √(Σ |ĉ_k - c_k|² / Σ |c_k|²).
 
 A step has contact if the true or the estimated c_n is positive.  An impact is a step with |c| above ten times its
-median over contact, with its two neighbours: a dead impact takes two steps, and an impact estimated a step late must
-not spoil the other sum.
+median over contact, with its two neighbours: an impact without rebound takes two steps, and an impact estimated a step
+late must not affect the other sum.
 """
 
 from dataclasses import dataclass, replace
@@ -34,7 +34,7 @@ from thesis_lib.thesis.identify.base_parameters.identifiability import projected
 from thesis_lib.thesis.identify.base_parameters.window import ALLOWANCE, ContactWindow, States, window_of
 from thesis_lib.thesis.identify.programs.mode_qp import solve_mode_qp
 
-IMPACT = 10.0  # times the median force over contact, above which a step is an impact
+IMPACT = 10.0  # factor on the median force over contact, above which a step counts as an impact
 METHODS = ("exact", "plain", "ours")
 
 
@@ -55,7 +55,7 @@ class ArmForces:
 
 @dataclass(frozen=True)
 class ArmForceTables:
-    """Tables of the study, and the trajectories from which they were computed."""
+    """Tables of the study, and the trajectories on which they are based."""
 
     forces: pd.DataFrame  # a row per trajectory, pair and method
     parameters: pd.DataFrame  # a row per trajectory, method and base parameter
@@ -68,7 +68,7 @@ def arm_window(
 ) -> ContactWindow:
     """Window of a motion of arm and disk in its base parameters.
 
-    Of `motion` the states, the known force and the step are used; `sigma` (2, 5) is the noise of q and v (None: none);
+    States, known force and step of `motion` are used; `sigma` (2, 5) is the noise of q and v (None: none);
     `tolerances` standard deviations of gap and sliding velocity count as zero.
 
     Raises:
@@ -100,7 +100,7 @@ def window_rank(window: ContactWindow) -> int:
 def arm_forces(
     arm: ArmDisk, record: SimulatedMotion, mu: float, epsilon: float, rng: np.random.Generator, settings: ArmStudy
 ) -> ArmForces:
-    """All methods on one trajectory; the inertia of `arm` is used only for the bound."""
+    """Apply all methods to one trajectory; the inertia of `arm` is used only for the bound."""
     noisy = add_noise(record, settings.snr_db, rng)
     data = measured(noisy.q, noisy.v, record.f_ext, record.h, mu, epsilon)
     windows = {
@@ -154,7 +154,7 @@ def arm_force_study(rng: np.random.Generator, settings: ArmStudy, bodies: Chapte
     """
     arm = arm_disk(bodies)
     made = arm_trajectories(settings.trajectories, rng, bodies)
-    streams = rng.spawn(settings.trajectories)  # a trajectory's noise and starts do not depend on those before it
+    streams = rng.spawn(settings.trajectories)  # noise and starts of a trajectory do not depend on earlier ones
     done: tuple[ArmForces, ...] = ()
     for i, (record, stream) in enumerate(zip(made.records, streams)):
         done += (arm_forces(arm, record, bodies.arm.mu, bodies.arm.epsilon, stream, settings),)
@@ -189,9 +189,9 @@ def tables_of(done: tuple[ArmForces, ...], truth: np.ndarray) -> tuple[pd.DataFr
 
 
 def arm_force_summary(forces: pd.DataFrame, parameters: pd.DataFrame) -> pd.DataFrame:
-    """A row per method and quantity: median, 90 % and largest error over trajectories, and shares within 1 % and 5 %.
+    """Row per method and quantity: median, 90 % quantile, largest error over trajectories; shares within 1 % and 5 %.
 
-    Failed fits count as outside every limit and stay in the median; `n_failed` counts them.
+    Failed fits, counted in `n_failed`, lie outside every limit but stay in the median.
     """
     worst = parameters.assign(error=parameters["error"].abs()).groupby(["method", "trajectory"])
     theta = worst.agg(error=("error", "max"), accepted=("accepted", "first")).reset_index()

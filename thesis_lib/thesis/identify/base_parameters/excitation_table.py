@@ -1,9 +1,9 @@
-"""Parameters that a rigid body's contact identifies: the cases of thesis section 2.3.3 as singular values.
+"""Table of the parameters that contact of a rigid body identifies, as singular values, for cases of thesis 2.3.3.
 
 Each case is a simulated motion of a free body whose m and I are unknown, analysed by `identifiability`: sliding or
 sticking contact (a disk; a square that pivots about a corner, as in thesis figure 2-5), with and without a known
 external force; flight; and two special cases, a square that lands flat (figure 2-5, left) and a disk that only rolls
-(not in the thesis), whose motion shows m + I/R² alone.  For the sliding cases the columns of eq. 2.18
+(not in the thesis), whose motion depends on m + I/R² only.  For the sliding cases the columns of eq. 2.18
 in (m/I, 1/m, 1/I, m/I²) are analysed as well.
 
 | column           | unit | meaning |
@@ -11,7 +11,7 @@ in (m/I, 1/m, 1/I, m/I²) are analysed as well.
 | `sigma_1`, `2`   | 1    | singular values of the regressor outside the span of contact forces, columns of unit norm |
 | `rank`           | 1    | combinations of (m, I) that are determined |
 | `eq_2_18_rank`   | 1    | rank of eq. 2.18's four columns; -1 where the case does not slide |
-| `not_identified` |      | changes of the parameters that nothing observes |
+| `not_identified` |      | changes of the parameters that have no observable effect |
 """
 
 from collections.abc import Callable
@@ -31,12 +31,12 @@ from thesis_lib.thesis.identify.base_parameters.identifiability import (
 from thesis_lib.thesis.identify.base_parameters.window import ContactWindow, free_body_window
 
 STEPS = 60
-# N and N m at 1 kg: an uneven push with turns in all directions, less than the weight, so that the contact stays
+# N and N m at 1 kg: an irregular push in all directions, below the weight, so that the contact stays closed
 PUSH = ((2.0, 5.0, 0.3), (1.0, 7.0, 1.1), (0.15, 3.0, 0.7))
 GAP = 1e-4  # m, expected gap within which the contact of a body that stays on the surface counts as closed
 TILTED = 0.4  # rad, of the square that pivots
 PIVOT_STEPS = 40
-LOW_FRICTION, HIGH_FRICTION = 0.1, 5.0  # the pushed body always slides, or never
+LOW_FRICTION, HIGH_FRICTION = 0.1, 5.0  # the pushed body always slides, or never slides
 
 
 def push(t: float, q: np.ndarray, v: np.ndarray) -> np.ndarray:
@@ -47,14 +47,14 @@ def push(t: float, q: np.ndarray, v: np.ndarray) -> np.ndarray:
 def _on_surface(
     body: PlanarFreeBody, angle: float, v: tuple, force: Callable | None, steps: int, mu: float
 ) -> tuple[SimulatedMotion, float, PlanarFreeBody]:
-    """The motion of a body that touches the surface at an angle (rad) and is let go with a velocity, its μ, and it."""
+    """Motion of a body released on the surface at an angle (rad) with a velocity; returned with μ and the body."""
     q = np.array([0.0, 0.0, angle])
     q[1] = -body.contacts_of(q[None]).phi[0].min()
     return simulate(body, q, np.array(v), force, DEFAULT.h, steps, mu, 0.0), mu, body
 
 
 def excitation_cases(settings: Chapter2Bodies = DEFAULT) -> dict[str, tuple[SimulatedMotion, ContactWindow]]:
-    """For each case name, the motion and its window in unknown (m, I)."""
+    """Motion of each case, by name, and its window with unknown (m, I)."""
     rolling, square = disk(settings), block(settings)
     fast, still = (4.0, 0.0, 3.0), (0.0, 0.0, 0.0)
     high, flat, tilted = (0.0, 3.0, 0.4), (0.0, 0.8, 0.0), (0.0, 0.95, 0.35)
@@ -64,12 +64,12 @@ def excitation_cases(settings: Chapter2Bodies = DEFAULT) -> dict[str, tuple[Simu
         return simulate(square, np.array(q), np.array(v), force, *arguments), settings.mu, square
 
     motions = {
-        # a disk's one contact stays closed under any force
+        # the only contact of a disk stays closed under any force
         "disk slides, no force": _on_surface(rolling, 0.0, fast, None, STEPS, LOW_FRICTION),
         "disk slides, force": _on_surface(rolling, 0.0, fast, push, STEPS, LOW_FRICTION),
         "disk rolls, no force": _on_surface(rolling, 0.0, still, None, STEPS, HIGH_FRICTION),
         "disk rolls, force": _on_surface(rolling, 0.0, still, push, STEPS, HIGH_FRICTION),
-        # released on a corner, it falls about it, without slip, until just before the next one lands
+        # released on a corner, the square falls about it, without slip, until just before the next corner lands
         "square pivots, no force": _on_surface(square, TILTED, still, None, PIVOT_STEPS, HIGH_FRICTION),
         "square pivots, force": _on_surface(square, TILTED, still, push, PIVOT_STEPS, HIGH_FRICTION),
         "flight, no force": released(high, (1.0, 0.0, 2.0), None),
@@ -82,13 +82,13 @@ def excitation_cases(settings: Chapter2Bodies = DEFAULT) -> dict[str, tuple[Simu
 
 
 def landings(settings: Chapter2Bodies = DEFAULT) -> dict[str, tuple[SimulatedMotion, ContactWindow]]:
-    """The square of figure 2-5 without external force: "flat" and "tilted" landings."""
+    """Landings "flat" and "tilted" of the square of figure 2-5, without external force."""
     cases = excitation_cases(settings)
     return {name: cases[f"square lands {name}, no force"] for name in ("flat", "tilted")}
 
 
 def excitation_table(settings: Chapter2Bodies = DEFAULT) -> pd.DataFrame:
-    """One row per case; columns as in the module's table."""
+    """Table with a row per case; columns as in the module's docstring."""
     rows = []
     for name, (record, window) in excitation_cases(settings).items():
         result = identifiability(window)

@@ -1,13 +1,13 @@
-"""Projection of measured states to the contact manifold: thesis section 2.3.2, approach 3, figure 2-5.
+"""Projection of measured states onto the contact manifold (thesis section 2.3.2, approach 3, figure 2-5).
 
-Noise and discretisation leave a contact at a small gap, where eq. 2.12 allows no force.  A step whose expected gap lies
-below a tolerance is taken as contact, and its pose moves to the nearest touching pose by Newton steps
+Noise and discretisation leave a contact at a small gap, where eq. 2.12 allows no force.  A step whose expected gap is
+below a tolerance is treated as contact, and its pose is moved to the nearest touching pose by Newton steps
 
     q ← q − W⁻¹ J_n' (J_n W⁻¹ J_n')⁻¹ φ(q)
 
-over all its closed contacts at once.  Where the sliding velocity at the end of the step is below a tolerance, the
-velocity is projected likewise to J_t v = 0, and the contact sticks exactly.  W (diagonal) weighs rotation against
-translation: 1 for metres, a squared length for radians.  Contacts that cannot all close at once are closed in the
+for all its closed contacts at once.  If the sliding velocity at the end of the step is below a tolerance, the
+velocity is projected likewise to J_t v = 0, and the contact sticks exactly.  W (diagonal) weights rotation against
+translation: 1 for metres, a squared length for radians.  Contacts that cannot all be closed are closed in the
 least-squares sense.
 """
 
@@ -28,19 +28,19 @@ GAP_SIGMAS = 3.0  # gaps of this many sigmas of their noise count as contact
 
 @dataclass(frozen=True)
 class ProjectedRecord(States):
-    """States projected to the contact manifold."""
+    """States projected onto the contact manifold."""
 
     closed: np.ndarray  # (m, p) contacts that were projected
 
     def touching(self, window: ContactWindow) -> ContactWindow:
-        """The window of these states, with the gap of all contacts that were projected taken as zero."""
+        """Return a window of these states in which the gap of all projected contacts is set to zero."""
         return replace(window, gap=np.where(self.closed, 0.0, window.gap))
 
 
 def project_to_contact(
     states: States, body: PlanarFreeBody, *, gap_tolerance: float, v_tolerance: float, metric: np.ndarray
 ) -> ProjectedRecord:
-    """Move poses with contact until they touch, and velocities to exact sticking where they nearly stick.
+    """Project poses with contact onto touching poses, and velocities that nearly stick onto sticking velocities.
 
     Gaps and Jacobians of `states` are recomputed.  `gap_tolerance` and `v_tolerance` (m, m/s) are a few standard
     deviations of the noise of gap and sliding velocity, `metric` (3,) is the diagonal of W.
@@ -72,14 +72,14 @@ def project_to_contact(
 
 
 def _shortest(J: np.ndarray, value: np.ndarray, W_inverse: np.ndarray) -> np.ndarray:
-    """Shortest δ in the metric with J δ = value, or the least-squares δ where there is no solution."""
+    """Shortest δ in the metric with J δ = value, or the least-squares δ if there is no solution."""
     return W_inverse * (J.T @ np.linalg.lstsq((J * W_inverse) @ J.T, value, rcond=1e-10)[0])
 
 
 def contact_tolerances(body: PlanarFreeBody, sigma: np.ndarray) -> tuple[float, float]:
     """`GAP_SIGMAS` standard deviations of a gap in m and of a sliding velocity in m/s, from the noise `sigma` (2, 3).
 
-    The gap moves with y and r θ, the touching point's velocity with v_x and r ω; r is the largest there is.
+    The gap changes with y and r θ, the velocity of the touching point with v_x and r ω; r is the largest of the body.
     """
     reach = body.shape.extent
     gap, slip = (GAP_SIGMAS * float(np.hypot(sigma[i, 1 - i], reach * sigma[i, 2])) for i in (0, 1))
@@ -87,9 +87,9 @@ def contact_tolerances(body: PlanarFreeBody, sigma: np.ndarray) -> tuple[float, 
 
 
 def project_motion(motion: NoisyMotion) -> ProjectedRecord:
-    """The noisy states of a motion, projected to the contact manifold in the kinetic metric.
+    """Project the noisy states of a motion onto the contact manifold in the kinetic metric.
 
-    The tolerances use the true noise level, which an estimator does not know: this is for figures, not for estimates.
+    The tolerances use the true noise level, which an estimator cannot use: for figures, not for estimates.
     """
     body = motion.body
     states = States.of(body, motion.record.h, motion.observed.q, motion.observed.v, motion.record.f_ext)

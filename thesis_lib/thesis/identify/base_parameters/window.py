@@ -1,15 +1,15 @@
-"""A window of observations with all data of the identification programs (thesis section 2.3.2, step 3).
+"""Window of observations with all data that the identification programs need (thesis section 2.3.2, step 3).
 
-In eq. 2.12 the states are data, so over a window of m steps gaps, Jacobians and sliding velocities are constants and
+In eq. 2.12 the states are data, so over a window of m steps, gaps, Jacobians and sliding velocities are constants, and
 only the base parameters Θ and the contact forces c are unknown:
 
     Y_k Θ − J_n,k' c_n,k − J_t,k' c_t,k = f_k,        k = 1..m
 
-At step k a time stepper decides on contact by the gap expected at the end of the step without contact forces,
+At step k, a time stepper decides on contact from the gap expected at the end of the step without contact forces,
 
     φ̃_k = max(0, φ_k + h J_n,k v_free),   v_free = v_k + h a_free.
 
-φ̃_k is exactly zero where the stepper lets a contact act, so complementarity holds on its data; φ_k itself is positive
+φ̃_k is exactly zero where the stepper lets a contact act, so complementarity holds for its data; φ_k itself is positive
 just before an impact.  λ = |v_rel|, v_rel = J_t,k v_{k+1}, is the sliding speed after the step.  Below `v_tolerance` it
 is set to zero, because a rounding error would turn sticking into sliding.
 
@@ -28,17 +28,17 @@ from thesis_lib.simulate.stepping.contact_modes import TOUCH
 from thesis_lib.simulate.stepping.multibody import Mechanism, PlanarFreeBody
 from thesis_lib.simulate.stepping.stepping import SimulatedMotion
 
-V_TOLERANCE = 1e-9  # m/s: far above the rounding of a time step (1e-15), far below any sliding that matters
+V_TOLERANCE = 1e-9  # m/s: far above the rounding error of a time step (1e-15), far below any relevant sliding
 GAP_TOLERANCE = 1e-9  # m: the same for gaps
-# m/s², acceleration by which a contact may close within a step, where the free acceleration is unknown: three times
+# m/s², acceleration by which a contact may close within a step if the free acceleration is unknown: three times
 # gravity, a gap of h² times this is 0.7 mm
 ALLOWANCE = 30.0
-BY_STEP = ("Y", "f", "gap", "v_t", "J_n", "J_t")  # of a window, a row per step
+BY_STEP = ("Y", "f", "gap", "v_t", "J_n", "J_t")  # fields of a window with a row per step
 
 
 @dataclass(frozen=True)
 class States:
-    """States and known forces, and the contacts computed from them.
+    """States, known forces, and the contacts computed from them.
 
     A simulated `stepping.Record` has the same attributes, shapes and units.
     """
@@ -53,17 +53,17 @@ class States:
 
     @classmethod
     def of(cls, mechanism: Mechanism, h: float, q: np.ndarray, v: np.ndarray, f_ext: np.ndarray) -> "States":
-        """From measured states q, v (m+1, nv) and forces f_ext (m, nv) in N, N m."""
+        """Create from measured states q, v (m+1, nv) and forces f_ext (m, nv) in N, N m."""
         at = mechanism.contacts_of(q[:-1])
         return cls(h, q, v, f_ext, at.phi, at.J_n, at.J_t)
 
 
 @dataclass(frozen=True)
 class ContactWindow:
-    """m steps with p contact pairs."""
+    """Data of m steps with p contact pairs."""
 
     Y: np.ndarray  # (m, nv, n_Θ) regressor of the unknown parameters, f per Θ
-    f: np.ndarray  # (m, nv) known generalised force in N, N m, known parameters' share removed
+    f: np.ndarray  # (m, nv) known generalised force in N, N m, less the share of known parameters
     gap: np.ndarray  # (m, p) φ̃ above in m, or 0 within `gap_tolerance`
     J_n: np.ndarray  # J_n, J_t: (m, p, nv) contact Jacobians
     J_t: np.ndarray
@@ -77,7 +77,7 @@ class ContactWindow:
             bad = np.flatnonzero(~np.isfinite(getattr(self, name)).reshape(len(self), -1).all(axis=1))
             if len(bad):
                 raise UserError(
-                    f"{name} is not finite at step {bad[0]} of the window ({len(bad)} steps in all): the data hold "
+                    f"{name} is not finite at step {bad[0]} of the window ({len(bad)} steps in all): the data contain "
                     "NaN or infinite values; repair them or choose a window without them"
                 )
         if not (np.isfinite(self.mu) and self.mu >= 0.0):
@@ -87,46 +87,46 @@ class ContactWindow:
         return len(self.Y)
 
     def __getitem__(self, steps: slice) -> "ContactWindow":
-        """The window of these steps."""
+        """Return the window of these steps."""
         return replace(self, **{name: getattr(self, name)[steps] for name in BY_STEP})
 
     @property
     def force_scale(self) -> float:
-        """Largest known generalised force F over the window, the unit of contact forces; 1 without any."""
+        """Largest known generalised force F over the window, the unit of contact forces; 1 if there is none."""
         return float(np.abs(self.f).max(initial=0.0)) or 1.0
 
     @property
     def gap_scale(self) -> float:
-        """L, the window's largest gap in m; 1 if all are closed."""
+        """Largest gap L of the window in m; 1 if all are closed."""
         return float(self.gap.max(initial=0.0)) or 1.0
 
     @property
     def speed_scale(self) -> float:
-        """V, the window's largest sliding speed in m/s; 1 if nothing slides."""
+        """Largest sliding speed V of the window in m/s; 1 if nothing slides."""
         return float(np.abs(self.v_t).max(initial=0.0)) or 1.0
 
     @property
     def touching(self) -> np.ndarray:
-        """(m, p) whether a contact may act, that is whether its gap is zero."""
+        """Mask (m, p) of the contacts that may act, whose gap is zero."""
         return self.gap == 0.0
 
     def residual(self, theta: np.ndarray, c_n: np.ndarray, c_t: np.ndarray) -> np.ndarray:
-        """Y Θ − J_n' c_n − J_t' c_t − f, (m, nv) in N and N m."""
+        """Residual of the dynamics, Y Θ − J_n' c_n − J_t' c_t − f, (m, nv) in N and N m."""
         contact = np.einsum("kpv,kp->kv", self.J_n, c_n) + np.einsum("kpv,kp->kv", self.J_t, c_t)
         return self.Y @ theta - contact - self.f
 
     def fix(self, known: dict[str, float]) -> "ContactWindow":
-        """The window with some parameters known: their columns times their values move to the right-hand side.
+        """Return the window with some parameters known: their columns times values move to the right-hand side.
 
         Raises:
             UserError: a name is not a parameter of the window, or no parameter would remain unknown.
         """
         unknown_names = [name for name in known if name not in self.names]
         if unknown_names:
-            raise UserError(f"no parameter {unknown_names} in this window; there are {', '.join(self.names)}")
+            raise UserError(f"this window has no parameter {unknown_names}; its parameters are {', '.join(self.names)}")
         free = [j for j, name in enumerate(self.names) if name not in known]
         if not free:
-            raise UserError("every parameter is given, none remains to be identified")
+            raise UserError("every parameter is given, so none remains to be identified; leave at least one out")
         f = self.f - sum(self.Y[:, :, self.names.index(name)] * value for name, value in known.items())
         names = tuple(self.names[j] for j in free)
         return replace(self, Y=self.Y[:, :, free], f=f, names=names, theta_min=self.theta_min[free])
@@ -135,10 +135,10 @@ class ContactWindow:
 def expected_gap(
     phi: np.ndarray, J_n: np.ndarray, v: np.ndarray, a_free: np.ndarray, h: float, tolerance: float
 ) -> np.ndarray:
-    """φ̃ (m, p) in m of gaps phi (m, p), Jacobians J_n (m, p, nv), velocities v (m, nv), acceleration a_free (nv,).
+    """Expected gaps φ̃ (m, p) in m from gaps phi (m, p), Jacobians J_n (m, p, nv), v (m, nv) and a_free (nv,).
 
-    Pairs that touch at the start of the step, phi <= `TOUCH`, count as closed, since another pair's impulse may keep
-    them so.  So do gaps up to `tolerance` in m; with noisy data use a few standard deviations of the gap.
+    Pairs that touch at the start of the step, phi <= `TOUCH`, count as closed, because another pair's impulse may keep
+    them closed; so do gaps up to `tolerance` in m.  With noisy data, use a few standard deviations of the gap.
     """
     gap = phi + h * np.einsum("kpv,kv->kp", J_n, v + h * a_free)
     return np.where((gap <= tolerance) | (phi <= TOUCH), 0.0, gap)
@@ -155,7 +155,7 @@ def window_of(
     gap_tolerance: float,
     v_tolerance: float = V_TOLERANCE,
 ) -> ContactWindow:
-    """A record as a window; its slices are windows of some steps.
+    """Make a window of a whole record; its slices are windows of fewer steps.
 
     `Y` (N, nv, n_Θ) includes gravity, Y Θ = f_ext + J' c; `a_free` (nv,) is the acceleration without contact forces,
     for the expected gap; `names` and lower bounds `theta_min` are (n_Θ,); the tolerances are in m and m/s.
@@ -185,10 +185,10 @@ def free_body_window(
     gap_tolerance: float = GAP_TOLERANCE,
     v_tolerance: float = V_TOLERANCE,
 ) -> ContactWindow:
-    """Window of one free body of unknown (m, I), whose origin is its centre of mass; of `body`, gravity is used.
+    """Make a window of one free body of unknown (m, I), with origin at its centre of mass; `body` gives the gravity.
 
-    Without external force and without a known parameter (`ContactWindow.fix`), forces and parameters have no common
-    scale.  External forces do not enter the expected gap; within a step they change it by h² f/m, so widen
+    Without an external force or a known parameter (`ContactWindow.fix`), the common scale of forces and parameters is
+    undetermined.  External forces do not enter the expected gap; within a step they change it by h² f/m, so widen
     `gap_tolerance` where they are large.
 
     Raises:

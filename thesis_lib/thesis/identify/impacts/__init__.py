@@ -1,1 +1,1 @@
-"""Force at impact and m/I from measured impacts (thesis 2.5)."""
+"""Forces at impact, and the mass-to-inertia ratio m/I from measured impacts (thesis 2.5)."""

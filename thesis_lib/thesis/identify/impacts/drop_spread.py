@@ -1,16 +1,16 @@
-"""How far the thesis's estimate of m/I scatters: from drop to drop, and from one set of 280 drops to another.
+"""Scatter of the thesis's estimate of m/I: between single drops, and between sets of 280 drops.
 
-Section 2.5 gives "587.50 (standard deviation in error of 27.6)", which is 4.7 % of the estimate, and does not say of
-what.  Two readings, both of least squares over impacts i (eq. 2.23 at known contacts; `mass_ratio.plain_program`),
+Section 2.5 gives "587.50 (standard deviation in error of 27.6)", which is 4.7 % of the estimate, without definition.
+There are two readings, both for least squares over impacts i (eq. 2.23 at known contacts; `mass_ratio.plain_program`),
 
     m/I = Σ_i L_i Δω_i / Σ_i L_i²,     L = r_x Δv_y − r_y Δv_x:
 
-- `drop_spread`    the standard deviation of the m/I of single drops, each of its first `IMPACTS` bounces, by their
-                   median deviation, since a drop with hardly any lever L has any m/I;
-- `sample_spread`  the standard deviation of the m/I of all impacts of `DROPS` drops, by resampling drops.
+- `drop_spread`    the standard deviation of the m/I of single drops, each from its first `IMPACTS` bounces, by their
+                   median deviation, because the m/I of a drop with hardly any lever L is arbitrary;
+- `sample_spread`  the standard deviation of the m/I from all impacts of `DROPS` drops, by resampling drops.
 
-Both are shares of the m/I of all impacts, so that the unit of the body's lengths does not matter.  Where a trial has
-one impact only, as in the published set of the ellipse, drops are put together at random.
+Both are divided by the m/I of all impacts, so the unit of the body's lengths does not matter.  If each trial has
+only one impact, as in the published set of the ellipse, impacts are combined into drops at random.
 """
 
 import numpy as np
@@ -18,15 +18,15 @@ import pandas as pd
 
 from thesis_lib.statistics.spread import robust_std
 
-IMPACTS = 3  # of a drop; thesis: "we considered the first 3 bounces"
+IMPACTS = 3  # per drop; thesis: "we considered the first 3 bounces"
 DROPS = 280  # thesis
-_DRAWS = 400  # samples of drops: their spread is known to 4 %
+_DRAWS = 400  # resampled sets of drops, which determine the spread to 4 %
 
 
 def spreads(lever: np.ndarray, spin: np.ndarray, trial: np.ndarray, rng: np.random.Generator) -> dict[str, float]:
-    """`drop_spread` and `sample_spread` of impacts with L `lever` in m²/s and Δω `spin` in rad/s, (n,) each.
+    """Compute `drop_spread` and `sample_spread` from L `lever` in m²/s and Δω `spin` in rad/s, (n,) each.
 
-    `trial` (n,) names the drop of each impact; impacts of a drop stand in their order.
+    `trial` (n,) identifies the drop of each impact; impacts of a drop are in order of time.
     """
     moments = np.stack([lever * spin, lever**2], axis=-1)
     whole = _ratio(moments.sum(axis=0))

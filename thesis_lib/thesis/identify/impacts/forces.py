@@ -1,26 +1,26 @@
-"""Force at impact (thesis section 2.5, figure 2-15): impulses from 250 Hz poses against those of a force sensor.
+"""Forces at impact (thesis section 2.5, figure 2-15): impulses estimated from 250 Hz poses against a force sensor.
 
 Ellipses fall onto a plate in Drake, with compliant contact of about 1.4 ms (`simulate.drake.drops`).  The force f(t) on
-the body is known.  A sensor under the plate responds as a resonance and is sampled 1000 times a second,
+the body is known.  A sensor under the plate responds as a resonator and is sampled 1000 times a second,
 
     s̈/ω² + 2ζ ṡ/ω + s = f,    so that  ∫ s dt = ∫ f dt,  but max s ≠ max f.                                  (1)
 
-The estimator uses noisy poses only, of unknown noise level.  Arcs on either side of the hit (`datasets.flights.arcs`)
-give the velocities just before and after, with covariance, and the method `arcs`
+The estimator uses only noisy poses, of unknown noise level.  Arcs on either side of the hit (`datasets.flights.arcs`)
+give the velocities just before and after with their covariance, and the method `arcs` gives
 
     c = m (Δv_x, Δv_y),     cov c = m² cov Δv.                                                              (2)
 
-With k known, `arcs_link` adds that a single impulse at the contact point acted, without a couple:
+With k known, `arcs_link` adds the condition that a single impulse acted at the contact point, without a couple:
 g = Δω − (r_x Δv_y − r_y Δv_x)/k² = 0, by x ← x − C ∇g (∇g' C ∇g)⁻¹ g for x = (q, v−, v+) of covariance C.  This is the
-thesis's assumption of rigid contact; the body turns during the real contact, which the stated intervals ignore.
-In flight only gravity acts, as in the thesis (`stray_acceleration` is off).
+thesis's assumption of rigid contact; the intervals ignore that the body turns during the real contact.
+In flight, only gravity acts, as in the thesis (`stray_acceleration` is off).
 
 A peak follows from an impulse only with a *declared* duration T_c (the thesis gives none) and shape, the half-sine
 
     f̂(t) = f̂ sin(π t / T_c),     f̂ = π c_n / (2 T_c).                                                        (3)
 
 Sources: thesis section 2.5; K. L. Johnson, Contact Mechanics, Cambridge 1985, doi 10.1017/CBO9781139171731, section
-11.4 (half-sine as the shape of an elastic impact).
+11.4 (half-sine shape of an elastic impact).
 """
 
 from dataclasses import dataclass
@@ -45,29 +45,29 @@ METHODS = ("arcs", "arcs_link")
 THESIS = {"mean": -12.12, "std": 31.59}  # N: error of the peak; section 2.5
 LEVELS = {68: 0.994457883209753, 95: Z95}  # %: two-sided normal quantiles
 NOT_DETECTED = "not_detected"
-_LONGEST = 4.0  # contact times after which an unfinished contact does not count as an impact
-_FINE = 200  # steps of force and response between the sensor's samples; 50 would miss 0.3 mN s of changing friction
+_LONGEST = 4.0  # contact times after which a contact that has not ended does not count as an impact
+_FINE = 200  # steps of force and response between samples of the sensor; 50 would miss 0.3 mN s of changing friction
 
 
 @dataclass(frozen=True)
 class ForceHistory:
-    """Force on the body over one contact, and the sensor's response."""
+    """Force on the body during one contact, and the sensor's response."""
 
-    t: np.ndarray  # (s,) s since the touch, from 0 to the end of the contact
+    t: np.ndarray  # (s,) s since first touch, from 0 to the end of the contact
     force: np.ndarray  # (s, 2) N, tangential and normal
-    sensor_t: np.ndarray  # (p,) s since the touch, instants of the sensor's samples
+    sensor_t: np.ndarray  # (p,) s since first touch, instants of the sensor's samples
     reading: np.ndarray  # (p,) N, normal, at these instants
     response_t: np.ndarray  # response_t, response: (f,) s, N; the continuous response, s of equation 1
     response: np.ndarray
 
     @property
     def impulse(self) -> np.ndarray:
-        """Integral (2,) of the force, N s."""
+        """Impulse (2,), the integral of the force, N s."""
         return np.trapezoid(self.force, self.t, axis=0)
 
 
 class ForcePlate:
-    """Drake's plate and body, on which single contacts are repeated to read their force."""
+    """Plate and body in Drake, with which single contacts are simulated again to record their force."""
 
     def __init__(self, settings: ImpactForces):
         from thesis_lib.simulate.drake.clock import Clock
@@ -80,7 +80,7 @@ class ForcePlate:
         self._port = self._clock.made.plant.get_contact_results_output_port()
 
     def contact(self, q: np.ndarray, v: np.ndarray, t: float) -> ForceHistory:
-        """History of the contact that begins at pose and velocity (3,) at time t in s; the sensor's clock starts at 0.
+        """Force history of a contact that begins at pose, velocity (3,) and time t in s of the sensor's clock.
 
         Raises:
             UserError: the body does not leave the plate.
@@ -92,7 +92,7 @@ class ForcePlate:
         for i in range(1, int(_LONGEST * self.settings.contact_time / step) + 1):
             clock.simulator.AdvanceTo(i * step)
             results: Any = self._port.Eval(clock.context)
-            # Drake's force acts on body B, which need not be the falling body: the plate can only push
+            # Drake's force acts on body B, which may be the falling body or the plate
             contacts = [results.point_pair_contact_info(j) for j in range(results.num_point_pair_contacts())]
             total = sum((self._on_body(contact) for contact in contacts), np.zeros(2))
             times.append(i * step)
@@ -101,7 +101,7 @@ class ForcePlate:
             if touched and not total[1] > 0.0:
                 break
         else:
-            raise UserError("The body does not leave the plate again: raise epsilon or the heights of release.")
+            raise UserError("The body does not leave the plate again: raise epsilon or the release heights.")
         time, force = np.array(times), np.array(forces)
         return ForceHistory(time, force, *self._sensor(time, force[:, 1], t))
 
@@ -124,7 +124,7 @@ class ForcePlate:
 
 
 def estimate_impulses(found: FoundImpacts, rig: Rig) -> dict[str, tuple[np.ndarray, np.ndarray]]:
-    """Impulses c (n, 2) = (c_t, c_n) in N s of n impacts and their covariance (n, 2, 2), by each of `METHODS`.
+    """Estimate impulses c (n, 2) = (c_t, c_n) in N s of n impacts, with covariance (n, 2, 2), by each of `METHODS`.
 
     `rig` gives shape, mass and k.
     """
@@ -145,7 +145,7 @@ def estimate_impulses(found: FoundImpacts, rig: Rig) -> dict[str, tuple[np.ndarr
 
 
 def drop_ellipses(settings: ImpactForces, rng: np.random.Generator) -> DropsWithTruth:
-    """Drops in Drake, with noisy poses."""
+    """Simulate drops in Drake, with noisy poses."""
     from thesis_lib.simulate.compliant.drops import simulate_compliant_drops
     from thesis_lib.simulate.drake.drops import DropsInDrake
 
@@ -163,7 +163,7 @@ def drop_ellipses(settings: ImpactForces, rng: np.random.Generator) -> DropsWith
 
 
 def study_impact_forces(drops: DropsWithTruth, settings: ImpactForces) -> tuple[pd.DataFrame, dict[str, int]]:
-    """A row per impact and method with estimates and truth, and the numbers of impacts left out by reason.
+    """Table with a row per impact and method (estimates and truth), and numbers of impacts left out, by reason.
 
     Columns: trial, impact, method, t, c_t, c_n, c_t_std, c_n_std, true_c_t, true_c_n, sensor_c_n, peak, peak_true,
     peak_sensor, declared_duration, true_duration; s, N s and N.
@@ -208,12 +208,12 @@ def study_impact_forces(drops: DropsWithTruth, settings: ImpactForces) -> tuple[
 
 
 def peak_force(c_n: float, declared_duration: float) -> float:
-    """Peak in N of the half-sine of impulse c_n (N s) and declared duration (s), equation 3."""
+    """Peak force in N of a half-sine with impulse c_n (N s) and declared duration (s), equation 3."""
     return 0.5 * np.pi * c_n / declared_duration
 
 
 def force_summary(rows: pd.DataFrame) -> pd.DataFrame:
-    """Errors of the rows of `study_impact_forces`, by method and comparison; the thesis compares its peak and sensor.
+    """Errors in the table of `study_impact_forces`, by method and comparison; the thesis compares peak and sensor.
 
     Columns: method, quantity, reference, unit, n, mean (of the reference), mean_error, mean_error_std, std,
     std_stated, coverage_68, coverage_95, thesis_mean_error, thesis_std.
@@ -250,10 +250,10 @@ def force_summary(rows: pd.DataFrame) -> pd.DataFrame:
 
 
 def shown_impact(rows: pd.DataFrame, drops: DropsWithTruth, settings: ImpactForces) -> tuple[pd.Series, ForceHistory]:
-    """The impact of figure 2-15, the first hit of median true peak: its row of method `arcs` and its history."""
+    """Impact of figure 2-15, the first hit with the median true peak: its row of method `arcs` and force history."""
     first = rows[(rows["impact"] == 0) & (rows["method"] == METHODS[0])].sort_values("peak_true", kind="stable")
     if first.empty:
-        raise UserError("No first hit could be measured, so there is none to show; take more drops.")
+        raise UserError("No first hit could be measured, so none can be shown; simulate more drops.")
     row = first.iloc[len(first) // 2]
     truth = drops.impacts[(drops.impacts["trial"] == row["trial"]) & (drops.impacts["impact"] == 0)].iloc[0]
     q, v = (truth[list(names)].to_numpy(float) for names in (POSE, V_PRE))

@@ -1,13 +1,13 @@
-"""Measured throws of a body with faces without any contact law: how it lies at rest, and its inertia.
+"""Analysis of measured throws of a body with faces, without any contact law: rest poses, and inertia.
 
     python -m thesis_lib.studies.proof law-free data/measured/planar_dice
 
-*At rest* a face lies on the surface.  The angle that is measured then, less that of the face, is the camera's; the
-height of the tracked point over that face says where the point is, and how flat the surface.
+*At rest*, a face lies on the surface.  The measured angle minus the angle of the face is then the camera's error; the
+height of the tracked point over that face shows where the point lies, and how flat the surface is.
 
 *Inertia.*  One impulse at the contact point r turns a body by Δω = (m/I) (r_x Δv_y − r_y Δv_x), under any law
-(`thesis_lib/thesis/identify/impacts/measured_ratio.py`).  A second corner that touches at the same time, which this
-neglects, can do so near flat only: m/I by ranges of the angle from flat tells the two apart.
+(`thesis_lib/thesis/identify/impacts/measured_ratio.py`).  This neglects a second corner that touches at the same time,
+which is possible near flat only: m/I by ranges of the angle from flat shows whether this occurs.
 """
 
 from itertools import pairwise
@@ -25,9 +25,9 @@ from thesis_lib.foundation.errors import UserError
 from thesis_lib.foundation.randomness import generator
 from thesis_lib.thesis.identify.impacts.measured_ratio import BENT, ImpactLink, bootstrap, fit_ratio
 
-LAST = 10  # samples of a throw that lies still
-STILL = np.array([1e-3, 1e-3, 0.02])  # m, m, rad: their range
-PLACES = 8  # along the surface, with as many throws each
+LAST = 10  # samples at the end of a throw by which rest is judged
+STILL = np.array([1e-3, 1e-3, 0.02])  # m, m, rad: largest range of these samples at rest
+PLACES = 8  # sections along the surface, with equal numbers of throws
 RANGES = (5.0, 12.0, 20.0, 30.0, 45.0)  # ° from flat
 VARIANTS = (("angle_offset",), ("angle_offset", "rounded_corners"))
 DRAWS = 100
@@ -35,14 +35,14 @@ SEED = 0
 
 
 def at_rest(dataset: Dataset) -> pd.DataFrame:
-    """Throws at the end of which the body lies still: angle of the face in °, angle from it in rad, x, height y in m.
+    """Throws that end at rest: angle of the face in °, angle from the face in rad, x and height y in m.
 
-    UserError without trajectories, and for a body without faces.
+    UserError if there are no trajectories, or the body has no faces.
     """
     if not isinstance(dataset.shape, Polygon):
-        raise UserError(f"A body of shape {dataset.shape.kind} has no faces.")
+        raise UserError(f"A body of shape {dataset.shape.kind} has no faces; this analysis needs a polygon.")
     if dataset.trajectories is None:
-        raise UserError(f"{dataset.name} has no trajectories: no body is seen at rest.")
+        raise UserError(f"{dataset.name} has no trajectories, so rest poses cannot be determined.")
     ends = dataset.trajectories.groupby("trial")[list(POSE)].apply(lambda poses: poses.tail(LAST))
     by_trial = ends.groupby("trial")
     still = ((by_trial.max() - by_trial.min()) < STILL).all(axis=1)
@@ -54,10 +54,10 @@ def at_rest(dataset: Dataset) -> pd.DataFrame:
 
 
 def inertia(dataset: Dataset, camera: float) -> pd.DataFrame:
-    """m/I over that of the stated radius of gyration, by range of the angle from flat and by variant.
+    """Measured m/I relative to its value from the stated radius of gyration, by range of angle from flat and variant.
 
     `camera` is the angle in rad that is measured where a face lies flat.  Columns: low, high (°), hits, variant, ratio
-    (1), std (1, bootstrap over trials).  A contact of 1 ms, in which the body turns, adds up to 4 %.
+    (1), std (1, bootstrap over trials).  The rotation of the body during a contact of 1 ms adds up to 4 %.
     """
     impacts = find_impacts(dataset).impacts
     impacts = impacts.select(~has_flag(impacts, BENT))
@@ -77,9 +77,9 @@ def inertia(dataset: Dataset, camera: float) -> pd.DataFrame:
 
 
 def evenness(lying: pd.DataFrame) -> tuple[float, float]:
-    """Share of the variance of the heights of `at_rest` along x that a line explains, and a parabola (curved surface).
+    """Shares of the variance of the heights of `at_rest` that a line and a parabola in x explain (curved surface).
 
-    Heights are those above the median of their face; what lies beyond four of their median deviations is left out.
+    Heights are relative to the median of their face; heights beyond four median deviations are left out.
     """
     y = lying["y"] - lying.groupby("face")["y"].transform("median")
     near = np.abs(y) <= 4.0 * np.median(np.abs(y))
@@ -89,7 +89,7 @@ def evenness(lying: pd.DataFrame) -> tuple[float, float]:
 
 
 def as_text(dataset: Dataset) -> str:
-    """How the body lies at rest, by face and by place, and its inertia."""
+    """Text with the heights at rest, by face and by place, and the inertia."""
     lying = at_rest(dataset)
     camera = float(lying["angle"].median())
     places = lying.groupby(pd.qcut(lying["x"], PLACES), observed=True)["y"]

@@ -1,41 +1,41 @@
-"""Tosses of a cube without any contact law: fall, mass centre, lengths, edges, inertia, and how it lies.
+"""Analysis of tosses of a cube without any contact law: fall, centre of mass, size, edges, inertia, and rest poses.
 
     python -m thesis_lib.studies.proof law-free data/measured/contactnets_cube --store
 
-It asks for a cube with the same inertia about every axis, which turns at a constant rate in free flight, sampled
-evenly, and for positions along the normal of the table in z.  Whatever is told comes from straight lines, parabolas and
-one balance, so that anybody can check it:
+It requires a cube with the same inertia about every axis (it turns at a constant rate in free flight), even sampling,
+and positions with z along the normal of the table.  All results come from straight lines, parabolas and one balance,
+which are easy to check:
 
-*Flights* are stretches in which second differences of the place are those of a fall.  The first ones of the tosses say
-how fast the body falls, and how far gravity is from the normal of the table.  A tracked point beside the centre of mass
-wobbles: p = p_0 + v t + g t²/2 − R c.
+*Flights* are stretches in which second differences of the position are those of free fall.  The first flights of the
+tosses give the acceleration of the fall and the angle of gravity from the normal of the table.  A tracked point off the
+centre of mass wobbles: p = p_0 + v t + g t²/2 − R c.
 
-*Rests.*  The last samples of a toss say how high each face lies, and how the tracked frame is turned in the body: one
-small turn d moves what is measured as up on all faces.
+*Rests.*  The last samples of a toss give the height of each face and the rotation of the tracked frame in the body: one
+small rotation d changes the measured upward direction on all faces.
 
-*Corners.*  Where flights before and after a hit meet, a box whose edges are rounded by ρ has its middle at
-z = ρ + (h − ρ) s, with s = |R_31| + |R_32| + |R_33| and h half the width: the line through z over s gives both.
+*Corners.*  Where flights before and after a hit meet, a box whose edges are rounded by ρ has its centre at
+z = ρ + (h − ρ) s, with s = |R_31| + |R_32| + |R_33| and h half the width: the line of z over s gives both.
 
-*Balance.*  One impulse P at the contact point r, as seen from the centre of mass, does all: m Δv = P, I Δω = r × P,
-under any law.  What no P can explain, √(|Δv − P/m|² + |k Δω − r × P/(m k)|²) at its least, is the misfit; ρ, k² = I/m
-and c are those with the least.  Each half of the tosses is judged by what the other one gave.
+*Balance.*  One impulse P at the contact point r, relative to the centre of mass, gives m Δv = P and I Δω = r × P under
+any law.  The misfit is the least residual over P, √(|Δv − P/m|² + |k Δω − r × P/(m k)|²); ρ, k² = I/m and c are chosen
+to minimise it.  Each half of the tosses is tested with the values found from the other half.
 
 | quantity                            | unit | meaning                                                             |
 |-------------------------------------|------|---------------------------------------------------------------------|
-| fall, fall_stated                   | m/s² | against the normal, of first flights (median); as stated            |
-| level_fall, level_fall_mean         | m/s² | along the table: median of its size; size of its mean               |
-| level_fall_along, _across           | m/s² | its mean in the axes of each throw: ahead, and to the left          |
-| wobble_x, _y, _z                    | m    | centre of mass from the tracked point, by flights                   |
+| fall, fall_stated                   | m/s² | acceleration against the normal, first flights (median); as stated  |
+| level_fall, level_fall_mean         | m/s² | acceleration along the table: median size; size of the mean         |
+| level_fall_along, _across           | m/s² | its mean in axes of each throw: ahead, and to the left              |
+| wobble_x, _y, _z                    | m    | centre of mass from the tracked point, from flights                 |
 | rest_height                         | m    | of the tracked point over the table (median)                        |
-| frame_x, _y, _z                     | rad  | turn of the tracked axes against the faces, by rests                |
-| corner_half_width, corner_rounding  | m    | by heights at hits of a corner                                      |
-| balance_rounding, _x, _y, _z        | m    | rounding and centre of mass, by the balance                         |
-| balance_inertia                     | 1    | I/m over that stated, less 1                                        |
+| frame_x, _y, _z                     | rad  | rotation of the tracked axes against the faces, from rests          |
+| corner_half_width, corner_rounding  | m    | half width and rounding, from heights at hits of a corner           |
+| balance_rounding, _x, _y, _z        | m    | rounding and centre of mass, from the balance                       |
+| balance_inertia                     | 1    | I/m over the stated value, minus 1                                  |
 | misfit_stated, misfit_balanced      | m/s  | mean misfit of the balance with the body as stated, and as found    |
 | friction                            | 1    | tangential over normal impulse, with the body as found (median)     |
-| restitution_slow, _middle, _fast    | 1    | speed of the corner after over before, of the hits by thirds        |
-| speed_slow, _middle, _fast          | m/s  | at which the corner approaches in them                              |
-| and those of `on_the_table`         |      |                                                                     |
+| restitution_slow, _middle, _fast    | 1    | speed of the corner after over before, in thirds of the hits        |
+| speed_slow, _middle, _fast          | m/s  | speed at which the corner approaches in these thirds                |
+| and the quantities of `on_the_table` |     |                                                                     |
 """
 
 from collections.abc import Callable, Sequence
@@ -55,15 +55,15 @@ from thesis_lib.foundation.rows import STAMP, Rows, stamp
 from thesis_lib.statistics.spread import median_error
 from thesis_lib.thesis.identify.impacts import on_the_table
 
-LOWEST = 0.5  # of what gravity adds to a second difference: free samples deviate less, those of a body at rest more
-FIRST = 12  # samples of a first flight
+LOWEST = 0.5  # share of gravity's second difference: free samples deviate by less, samples of a body at rest by more
+FIRST = 12  # fewest samples of a first flight
 SIDE, LONGEST = 5, 8  # samples beside a hit, at least and at most
-LAST, STILL = 8, (3e-4, 0.01)  # samples of a rest; m and rad that they move
+LAST, STILL = 8, (3e-4, 0.01)  # samples of a rest; largest motion in m and rad
 HARD, APART = 0.4, 0.01  # m/s; m between the lowest corner and the next one
-BOUNDED = 0.02  # m/s, misfit from which on a hit counts less
-EQUAL = 1e-6  # relative, of inertias
-ROUNDS = 4  # to the instant of a hit
-GROUPS = 10  # of tosses, each left out once
+BOUNDED = 0.02  # m/s, misfit above which a hit counts less
+EQUAL = 1e-6  # relative tolerance of inertias
+ROUNDS = 4  # iterations to find the instant of a hit
+GROUPS = 10  # groups of tosses, each left out once
 COLUMNS = ("quantity", "value", "std", "unit", "n")
 KEY = ("dataset", "trials", "quantity")
 ROWS = Rows(Path("law_free.csv"), (*KEY, *COLUMNS[1:], *STAMP), KEY, "python -m thesis_lib.studies.proof law-free", 6)
@@ -71,7 +71,7 @@ ROWS = Rows(Path("law_free.csv"), (*KEY, *COLUMNS[1:], *STAMP), KEY, "python -m 
 
 @dataclass(frozen=True)
 class _Toss:
-    """Times (n,), places (n, 3) of the tracked point, attitudes, and the flights in it as slices."""
+    """One toss: times (n,), positions (n, 3) of the tracked point, attitudes, and its flights as slices."""
 
     trial: int
     t: np.ndarray
@@ -82,7 +82,7 @@ class _Toss:
 
 @dataclass(frozen=True)
 class _Hits:
-    """n hits at one corner: trial, lever s, height z of the tracked point in m, attitudes (n, 3, 3), the corner (n, 3)
+    """n hits on one corner: trial, lever s, height z of the tracked point in m, attitudes (n, 3, 3), the corner (n, 3)
     as signs, velocity and spin before (n, 3) and their changes (n, 3)."""
 
     trial: np.ndarray
@@ -96,12 +96,12 @@ class _Hits:
     dw: np.ndarray
 
     def of(self, rows: np.ndarray) -> "_Hits":
-        """The hits at `rows`."""
+        """Return the hits at `rows`."""
         return _Hits(*(getattr(self, field.name)[rows] for field in fields(self)))
 
 
 def as_text(dataset: Dataset, store: Path | None = None) -> str:
-    """The quantities as text; stored in the table at `store`, too."""
+    """Return the quantities as text, and store them in the table at `store` if given."""
     found = law_free(dataset)
     if store is not None:
         of_all = {"dataset": dataset.name, "trials": len(dataset.trials)} | stamp(__file__)
@@ -110,17 +110,17 @@ def as_text(dataset: Dataset, store: Path | None = None) -> str:
 
 
 def law_free(dataset: Dataset) -> pd.DataFrame:
-    """Properties that tosses of a box show without a law, one quantity a row (`COLUMNS`).
+    """Quantities that tosses of a cube give without a contact law, one per row (`COLUMNS`).
 
-    UserError without trajectories, for a body other than a box, or one whose inertia is not the same about every axis.
+    UserError if there are no trajectories, or the body is not a cube with the same inertia about every axis.
     """
     header = dataset.in_space
     G = header.body.inertia_per_mass
     half = dataset.shape.half_extents if isinstance(dataset.shape, Box) else (0.0, np.inf)
     if np.ptp(half) > 0.0 or np.abs(G / G[0, 0] - np.eye(3)).max() > EQUAL:
-        raise UserError(f"{dataset.name}: this asks for a cube with the same inertia about every axis.")
+        raise UserError(f"{dataset.name}: this analysis needs a cube with the same inertia about every axis.")
     if dataset.trajectories is None:
-        raise UserError(f"{dataset.name} has no trajectories: no flight is seen.")
+        raise UserError(f"{dataset.name} has no trajectories, so flights cannot be found.")
     h, k2, g = float(half[0]), float(G[0, 0]), dataset.gravity
     tosses = _tosses(dataset.trajectories, g)
     (falls, along), wobbles = _falls(tosses), _wobbles(tosses)
@@ -175,14 +175,14 @@ def _tosses(table: pd.DataFrame, g: float) -> list[_Toss]:
         kink = np.linalg.norm(np.diff(p, 2, axis=0) + [0.0, 0.0, g * step**2], axis=1)
         free = np.r_[False, kink < LOWEST * g * step**2, False]
         edges = np.flatnonzero(np.diff(free.astype(int)))
-        # the samples beside the first and the last free one belong to the flight, too
+        # the samples beside the first and the last free sample also belong to the flight
         flights = [slice(int(a), int(b) + 2) for a, b in edges.reshape(-1, 2)]
         found.append(_Toss(int(trial), t, p, Rotation.from_quat(np.stack([*xyz, w], axis=1)), flights))  # pyright: ignore[reportArgumentType]
     return found
 
 
 def _firsts(tosses: Sequence[_Toss]) -> list[tuple[np.ndarray, np.ndarray, Rotation]]:
-    """Times, places and attitudes of the flights at the beginning of tosses, without their last sample."""
+    """Times, positions and attitudes of the flights at the beginning of tosses, without their last sample."""
     parts = []
     for toss in tosses:
         flight = toss.flights[0] if toss.flights else slice(0, 0)
@@ -202,7 +202,7 @@ def _falls(tosses: Sequence[_Toss]) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _wobbles(tosses: Sequence[_Toss]) -> list[tuple[np.ndarray, np.ndarray, np.ndarray]]:
-    """For each first flight what straight motion leaves of −R (3 n, 3), of the places (3 n,), and of t²/2 upwards."""
+    """Residuals of a fit of straight motion per first flight: of −R (3 n, 3), positions (3 n,), and t²/2 upwards."""
     parts = []
     for t, p, q in _firsts(tosses):
         Q, _ = np.linalg.qr(np.vander(t, 2))
@@ -216,13 +216,13 @@ def _wobbles(tosses: Sequence[_Toss]) -> list[tuple[np.ndarray, np.ndarray, np.n
 
 
 def _wobbling(parts: Sequence[tuple[np.ndarray, np.ndarray, np.ndarray]], fall: float) -> np.ndarray:
-    """The centre of mass (3,) in m from the tracked point, of flights that fall along the normal of the table."""
+    """Centre of mass (3,) in m from the tracked point, from flights that fall along the normal of the table."""
     normal = sum(A.T @ A for A, _, _ in parts)
     return np.linalg.solve(normal, sum(A.T @ (b + fall * up) for A, b, up in parts))
 
 
 def _rests(tosses: Sequence[_Toss]) -> pd.DataFrame:
-    """Tosses whose last samples lie still: height z in m, up (x, y, z) in the tracked frame, and which face is up."""
+    """Tosses that end at rest: height z in m, upward direction (x, y, z) in the tracked frame, and the upper face."""
     rows = []
     for toss in tosses:
         p, q = toss.p[-LAST:], toss.q[-LAST:]
@@ -235,14 +235,14 @@ def _rests(tosses: Sequence[_Toss]) -> pd.DataFrame:
 
 
 def _turned(rests: pd.DataFrame) -> np.ndarray:
-    """The turn d (3,) in rad from the body's axes to those that are tracked: up = f − d × f on face f."""
+    """Rotation d (3,) in rad from the body's axes to the tracked axes: up = f − d × f on face f."""
     up, face = rests[["x", "y", "up"]].to_numpy(), rests[["face_x", "face_y", "face_z"]].to_numpy()
     A = np.stack([-np.cross(axis, face) for axis in np.eye(3)], axis=2).reshape(-1, 3)
     return _robust(A, (up - face).ravel())
 
 
 def _hits(tosses: Sequence[_Toss], h: float, k2: float, fall: float) -> _Hits:
-    """Hits at one corner of the believed cube between two flights that are seen."""
+    """Hits on one corner of the cube, between two observed flights."""
     rows = []
     signs = np.stack(np.meshgrid([1.0, -1.0], [1.0, -1.0], [1.0, -1.0], indexing="ij"), axis=-1).reshape(-1, 3)
     for toss in tosses:
@@ -262,7 +262,7 @@ def _hits(tosses: Sequence[_Toss], h: float, k2: float, fall: float) -> _Hits:
 
 
 def _meeting(toss: _Toss, first: slice, last: slice, fall: float) -> dict[str, np.ndarray]:
-    """Place, turn from the last sample but one, and changes of velocity and spin where two flights meet."""
+    """Position, rotation from the last sample but one, and changes of velocity and spin where two flights meet."""
     t, lines, dv = 0.5 * (toss.t[first.stop - 1] + toss.t[last.start]), [], np.zeros(3)
     for _ in range(ROUNDS):
         lines = []
@@ -273,7 +273,7 @@ def _meeting(toss: _Toss, first: slice, last: slice, fall: float) -> dict[str, n
         dv, miss = lines[1][0] - lines[0][0], lines[1][1] - lines[0][1]
         t -= (miss @ dv) / (dv @ dv)
     turns = []
-    # a median of three clips the sample that is next to the hit
+    # the sample next to the hit is left out, because a median of three affects it
     parts = slice(first.start, first.stop - 1), slice(last.start + 1, last.stop)
     for part, middle in zip(parts, (first.stop - 2, last.start + 1)):
         turn = (toss.q[part] * toss.q[middle].inv()).as_rotvec()
@@ -283,14 +283,14 @@ def _meeting(toss: _Toss, first: slice, last: slice, fall: float) -> dict[str, n
 
 
 def _line(hits: _Hits) -> np.ndarray:
-    """Half width and rounding (2,) in m from z = ρ + (h − ρ) s."""
+    """Half width and rounding (2,) in m from a fit of z = ρ + (h − ρ) s."""
     rho, slope = _robust(np.stack([np.ones_like(hits.s), hits.s], axis=1), hits.z)
     return np.array([slope + rho, rho])
 
 
 def _explained(found: np.ndarray, hits: _Hits, h: float, k2: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """The best impulse over m (n, 3) in m/s with ρ, excess of I/m and c as in `found` (5,), what it leaves (n, 6) in
-    m/s, and the lever r (n, 3) in m."""
+    """Best impulse over m (n, 3) in m/s for ρ, excess of I/m and c in `found` (5,), its residuals (n, 6) in m/s, and
+    the lever r (n, 3) in m."""
     rho, excess, c = found[0], found[1], found[2:]
     k = np.sqrt(k2 * (1.0 + excess))
     centre = np.einsum("nij,j->ni", hits.q, c)
@@ -309,7 +309,7 @@ def _misfit(found: np.ndarray, hits: _Hits, h: float, k2: float) -> np.ndarray:
 
 
 def _contact(found: np.ndarray, hits: _Hits, h: float, k2: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Of each hit (n,) the speed of approach of its corner in m/s, that of departure over it, and |P_t|/P_n."""
+    """Speed of approach of the corner in m/s, speed of departure over approach, and |P_t|/P_n of each hit (n,)."""
     P, _, r = _explained(found, hits, h, k2)
     lever = r + np.einsum("nij,j->ni", hits.q, found[2:])  # from the tracked point
     before = hits.v + np.cross(hits.w, lever)
@@ -327,7 +327,7 @@ def _balanced(hits: _Hits, h: float, k2: float) -> np.ndarray:
 
 
 def _robust(A: np.ndarray, y: np.ndarray) -> np.ndarray:
-    """Least squares without what lies beyond three robust standard deviations."""
+    """Least-squares solution without values beyond three robust standard deviations."""
     kept = np.ones(len(y), bool)
     for _ in range(5):
         x = np.linalg.lstsq(A[kept], y[kept], rcond=None)[0]
@@ -337,7 +337,7 @@ def _robust(A: np.ndarray, y: np.ndarray) -> np.ndarray:
 
 
 def _jackknifed(of: Callable[[np.ndarray], np.ndarray], rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """`of` all rows, and its standard error from `GROUPS` groups left out in turn."""
+    """Result of `of` for all rows, and its jackknife standard error from `GROUPS` groups left out in turn."""
     parts = np.stack([of(rows[rows % GROUPS != i]) for i in range(GROUPS)])
     return of(rows), np.sqrt((GROUPS - 1.0) / GROUPS * ((parts - parts.mean(axis=0)) ** 2).sum(axis=0))
 

@@ -1,11 +1,11 @@
-"""m/I of a measured body from its single impacts, by errors in variables, for any contact law.
+"""Mass-to-inertia ratio m/I of a measured body from single impacts, by errors in variables, for any contact law.
 
 One impulse (c_t, c_n) at the contact point r, without a couple, changes the velocities of a planar body such that
 
     Δω = (m/I) L,     L = r_x Δv_y − r_y Δv_x,     m/I = 1/k².                                             (1)
 
-Both sides are measured: regression of Δω on L is biased towards 0, that of L on Δω towards infinity.  If the errors of
-the two sides are independent, the truth lies between the two (Frisch).  For noise known up to a factor, maximum
+Both sides are measured: regression of Δω on L is biased towards 0, of L on Δω towards infinity.  If the errors of both
+sides are independent, the truth lies between the two results (Frisch).  For noise known up to a factor, maximum
 likelihood over the unknown true states is, to first order in the noise,
 
     minimise  Σ ρ(u_i / s),    u_i = g_i / σ_i(p),    g_i = Δω_i − (m/I) L_i,    σ_i² = ∇g_i' C_i ∇g_i,     (2)
@@ -14,11 +14,11 @@ p = (m/I, parameters of the measurement hypothesis).  ρ = u² is weighted total
 consistent under normal noise (E[∂u/∂p | u] does not depend on u) and ignores outliers.  s is the median deviation of u.
 Intervals are percentiles of a bootstrap over trials.
 
-A dataset without stated noise and trajectories is taken to have equal velocity noise in the kinetic metric
+A dataset without stated noise and without trajectories is assumed to have equal velocity noise in the kinetic metric
 (σ_ω = σ_v / k with k as published, θ exact; our choice, since this ratio prefers no direction).  χ² then cannot test
-(1); `lower` and `upper`, the two regressions, bound the results of any other ratio.
+(1); `lower` and `upper`, the two regressions, bound the result for any other ratio.
 
-(1) determines only m/I × r: body lengths too large by a factor make m/I too small by the same factor.
+(1) determines only m/I × r: if body lengths are too large by a factor, m/I is too small by the same factor.
 
 Variants are hypotheses about the measurement, named as in the critique: the camera's angle (mirrored_rotation, on or
 off; angle_offset) and the contact point (rounded_corners).  Their parameters are estimated with m/I.
@@ -48,7 +48,7 @@ from thesis_lib.thesis.identify.impacts.drop_spread import spreads
 from thesis_lib.thesis.identify.impacts.settings import MeasuredRatio
 
 EARLIER = "earlier_vy_post"  # planar_impact only, see `thesis_lib.datasets.sources.published`
-EARLIER_VY_POST = -3.0 * 9.81 / 250.0  # m/s, its first publication less its second
+EARLIER_VY_POST = -3.0 * 9.81 / 250.0  # m/s, first publication minus second
 SMOOTH: tuple[tuple[str, ...], ...] = ((), ("mirrored_rotation",), ("mirrored_rotation", "angle_offset"))
 CORNERED: tuple[tuple[str, ...], ...] = (
     (),
@@ -58,13 +58,13 @@ CORNERED: tuple[tuple[str, ...], ...] = (
     ("angle_offset", "rounded_corners"),
 )
 AS_PUBLISHED = "as_published"
-TUKEY = 4.685  # of the biweight: 95 % efficient on normal noise; beyond it a weight is 0
+TUKEY = 4.685  # tuning constant of the biweight: 95 % efficient for normal noise; beyond it, weights are 0
 MIN_IMPACTS = 8
-BENT = "arc_deviation"  # of impacts whose arcs differ from free flight; other flags depend on k or μ and are not used
+BENT = "arc_deviation"  # flags impacts whose arcs differ from free flight; other flags, which need k or μ, are not used
 _ITERATIONS = 30
 _CONVERGED = 1e-3  # standard errors
 _CONVERGED_RESAMPLED = 0.05  # the same in the bootstrap: adds 0.1 % to a spread
-_TURN = 1e-6  # rad, step of the derivative of r by θ
+_TURN = 1e-6  # rad, step of the finite difference of r with respect to θ
 COLUMNS = (
     *("dataset", "variant", "ratio", "std", "low", "high", "published", "lower", "upper"),
     *("n", "n_left_out", "n_outliers", "scale", "velocity_noise", "chi2", "dof", "p_value"),
@@ -74,12 +74,12 @@ COLUMNS = (
 
 @dataclass(frozen=True)
 class RatioFit:
-    """Fit of (2) to n impacts."""
+    """Result of fitting (2) to n impacts."""
 
     p: np.ndarray  # (1 + extra,) m/I in 1/m², then the parameters of the variant
     u: np.ndarray  # (n,) residuals of (1) over the noise
-    sigma: np.ndarray  # (n,) that noise, rad/s
-    weight: np.ndarray  # (n,) of the biweight, 0 for outliers
+    sigma: np.ndarray  # (n,) standard deviation of the noise in (1), rad/s
+    weight: np.ndarray  # (n,) weights of the biweight, 0 for outliers
     scale: float  # median deviation of u; 1 if the noise explains the residuals
     converged: bool
 
@@ -99,7 +99,7 @@ class ImpactLink:
         self.rig = rig
         effects = [EFFECTS[name] for name in variant]
         self.free = [(e, e.parameters[0]) for e in effects if e.parameters[0].discrete is None]
-        # a contact point from the dataset belongs to the dataset's angle
+        # a contact point given by the dataset refers to the dataset's angle
         self.offset = impacts.r - rig.shape.contact_point(impacts.q[:, 2])
         self.has_cov = impacts.cov is not None
         self.cov = _equal_noise(len(impacts), rig.k_g) if impacts.cov is None else impacts.cov
@@ -112,7 +112,7 @@ class ImpactLink:
             self.offset = np.zeros_like(self.offset)
 
     def select(self, rows: np.ndarray) -> "ImpactLink":
-        """The impacts at `rows`, with repetition."""
+        """Return the impacts at `rows`, which may repeat."""
         other = object.__new__(ImpactLink)
         other.__dict__.update(self.__dict__)
         for name in ("offset", "theta", "dv", "cov", "trial"):
@@ -148,7 +148,7 @@ class ImpactLink:
         return r[:, 0] * self.dv[:, 1] - r[:, 1] * self.dv[:, 0], self.dv[:, 2]
 
     def relation(self, p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """g (n,) in rad/s and its gradient ∇g (n, 9) by `impacts.STATE`."""
+        """Residual g (n,) of (1) in rad/s and its gradient ∇g (n, 9) with respect to `impacts.STATE`."""
         r = self.contact(p)
         dr = (self.contact(p, _TURN) - self.contact(p, -_TURN)) / (2.0 * _TURN)
         lever, turned = (a[:, 0] * self.dv[:, 1] - a[:, 1] * self.dv[:, 0] for a in (r, dr))
@@ -157,20 +157,20 @@ class ImpactLink:
         return self.dv[:, 2] - p[0] * lever, np.column_stack([zero, zero, -p[0] * turned, -by_v, by_v])
 
     def residual(self, p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """u and σ of (2), (n,) each."""
+        """Normalised residuals u and noise σ of (2), (n,) each."""
         g, gradient = self.relation(p)
         sigma = np.sqrt(np.einsum("ni,nij,nj->n", gradient, self.cov, gradient))
         return g / sigma, sigma
 
 
 def _equal_noise(n: int, k_g: float) -> np.ndarray:
-    """Covariance (n, 9, 9) up to a factor: velocities equally uncertain in the kinetic metric, pose exact."""
+    """Covariance (n, 9, 9) up to a factor: velocities equally uncertain in the kinetic metric, poses exact."""
     speed = [1.0, 1.0, 1.0 / k_g**2]
     return np.tile(np.diag([0.0, 0.0, 0.0, *speed, *speed]), (n, 1, 1))
 
 
 def fit_ratio(link: ImpactLink, start: np.ndarray | None = None, tolerance: float = _CONVERGED) -> RatioFit:
-    """Minimise (2) by reweighted Gauss-Newton steps, until a step is below `tolerance` standard errors.
+    """Minimise (2) by reweighted Gauss-Newton steps until a step is below `tolerance` standard errors.
 
     `start` (1 + extra,) is `link.start` by default.
 
@@ -179,7 +179,7 @@ def fit_ratio(link: ImpactLink, start: np.ndarray | None = None, tolerance: floa
     """
     if len(link.theta) < MIN_IMPACTS:
         raise UserError(
-            f"m/I cannot be estimated from {len(link.theta)} impacts; give at least {MIN_IMPACTS} that are measured."
+            f"m/I cannot be estimated from {len(link.theta)} impacts; at least {MIN_IMPACTS} must be measured."
         )
     p = np.array(link.start if start is None else start, dtype=float)
     low = np.array([1e-9, *(parameter.low for _, parameter in link.free)])
@@ -204,7 +204,7 @@ def fit_ratio(link: ImpactLink, start: np.ndarray | None = None, tolerance: floa
 
 
 def _bounded_step(information: np.ndarray, slope: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
-    """Newton step within bounds: stopped parameters go to their bound, and the others are solved for given that."""
+    """Newton step within bounds: parameters that would leave are set to their bound, and the others are solved for."""
     step = np.linalg.lstsq(information, -slope, rcond=None)[0]
     stopped = (step < low) | (step > high)
     if stopped.any():
@@ -236,7 +236,7 @@ def bootstrap(link: ImpactLink, fit: RatioFit, count: int, rng: np.random.Genera
 
 
 def regressions(lever: np.ndarray, spin: np.ndarray, weight: np.ndarray) -> tuple[float, float]:
-    """m/I in 1/m² by weighted regression of Δω on L, and of L on Δω; arguments (n,)."""
+    """Estimates of m/I in 1/m² by weighted regression of Δω on L, and of L on Δω; arguments (n,)."""
     cross = weight @ (lever * spin)
     return float(cross / (weight @ lever**2)), float((weight @ spin**2) / cross)
 
@@ -244,10 +244,10 @@ def regressions(lever: np.ndarray, spin: np.ndarray, weight: np.ndarray) -> tupl
 def measured_ratio(
     dataset: Dataset, rng: np.random.Generator, settings: MeasuredRatio, left_out: int = 0
 ) -> pd.DataFrame:
-    """m/I of a measured body, a row with `COLUMNS` per hypothesis about the measurement.
+    """Table of m/I of a measured body, with a row (`COLUMNS`) per hypothesis about the measurement.
 
-    `dataset` holds trajectories or impacts; `rng` is for the bootstrap; `left_out` impacts were left out when those of
-    `dataset` were found.
+    `dataset` contains trajectories or impacts; `rng` is for the bootstrap; `left_out` is the number of impacts omitted
+    when the impacts of `dataset` were found.
 
     Raises:
         UserError: too few impacts can be measured.
@@ -269,8 +269,8 @@ def measured_ratio(
 
 
 def absent(name: str) -> pd.DataFrame:
-    """The row of `measured_ratio` for a missing published set, with instructions."""
-    status = f"not present; python -m thesis_lib datasets fetch {name.replace('_', '-')} gets it"
+    """Row of `measured_ratio` for a published set that is missing, with the command that downloads it."""
+    status = f"not present; thesis-lib datasets fetch {name.replace('_', '-')} gets it"
     return pd.DataFrame([{"dataset": name, "variant": AS_PUBLISHED, "status": status}]).reindex(columns=list(COLUMNS))
 
 
@@ -309,6 +309,6 @@ def _row(
 
 
 def gather(tables: Sequence[pd.DataFrame], absent_names: Sequence[str]) -> pd.DataFrame:
-    """Tables of `measured_ratio` and the rows of missing published sets, as one table."""
+    """Join tables of `measured_ratio` and the rows of missing published sets."""
     parts = [*tables, *(absent(name) for name in absent_names)]
     return pd.concat([part.dropna(axis=1, how="all") for part in parts]).reindex(columns=list(COLUMNS))

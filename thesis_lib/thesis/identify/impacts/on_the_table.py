@@ -1,16 +1,16 @@
-"""How a body slides and lies on a level table after a throw, without any contact law: in axes of the throw.
+"""Sliding and rest of a body on a level table after a throw, in axes of the throw, without any contact law.
 
-*Slides.*  The last samples at the height at which a toss ends, while it moves: one parabola through x and y.  Friction
-acts against the motion; an acceleration to the left of it would mean that the table is not level.
+*Slides.*  A parabola is fitted to x and y of the last samples at the final height at which the body moves.  Friction
+acts against the motion; an acceleration to its left would mean that the table is not level.
 
-*Faces.*  The axis of the tracked frame that is nearest to up at the end leans as the recorded axes do, in all tosses
-alike if these are those of the throw; a turn of the tracked frame in the body has another direction for each face.
+*Faces.*  The tracked axis nearest to the vertical at the end leans as the recorded axes do: equally in all tosses if
+these are the axes of the throw.  A rotation of the tracked frame in the body has another direction for each face.
 
 | quantity                    | unit | meaning                                                                     |
 |-----------------------------|------|-----------------------------------------------------------------------------|
 | slide_against               | m/s² | acceleration of slides against their motion (median)                        |
-| slide_left                  | m/s² | the same to the left of it (mean)                                           |
-| lies_along, lies_left       | rad  | lean of the axis nearest to up, ahead and to the left of the throw (mean)   |
+| slide_left                  | m/s² | acceleration of slides to the left of their motion (mean)                   |
+| lies_along, lies_left       | rad  | lean of the axis nearest to vertical, ahead and left of the throw (mean)    |
 """
 
 from collections.abc import Iterator, Sequence
@@ -20,18 +20,18 @@ from scipy.spatial.transform import Rotation
 
 from thesis_lib.statistics.spread import median_error
 
-LOW = 1.5e-3  # m from the height at the end: there it slides
+LOW = 1.5e-3  # m from the final height, within which the body slides
 SLOWEST = 0.08  # m/s
 FEWEST = 10  # samples of a slide
-BEGINS = 3  # samples left out at its beginning
+BEGINS = 3  # samples left out at the beginning of a slide
 LAST = 5  # samples of a rest
-START = 8  # samples that say where a toss is thrown
+START = 8  # samples that determine the direction of the throw
 
-Toss = tuple[np.ndarray, np.ndarray, Rotation]  # times (n,) in s, places (n, 3) in m with z up, attitudes
+Toss = tuple[np.ndarray, np.ndarray, Rotation]  # times (n,) in s, positions (n, 3) in m with z up, attitudes
 
 
 def quantities(tosses: Sequence[Toss]) -> Iterator[tuple[str, float, float, str, int]]:
-    """Quantity, value, standard error, unit and number of tosses behind it; see the module's table."""
+    """Yield quantity, value, standard error, unit and number of tosses; see the module's table."""
     if found := [slide for t, p, _ in tosses if (slide := _slide(t, p)) is not None]:
         against, left = np.array(found).T
         n = len(against)
@@ -43,7 +43,7 @@ def quantities(tosses: Sequence[Toss]) -> Iterator[tuple[str, float, float, str,
 
 
 def _slide(t: np.ndarray, p: np.ndarray) -> tuple[float, float] | None:
-    """Acceleration in m/s² against the motion of a slide, and to the left of it; None without one."""
+    """Acceleration in m/s² of a slide against its motion, and to the left of it; None if there is no slide."""
     high = np.flatnonzero(np.abs(p[:, 2] - p[-LAST:, 2].mean()) > LOW)
     rows = slice(int(high[-1]) + BEGINS if len(high) else 0, len(t))
     t, p = t[rows], p[rows]
@@ -60,7 +60,7 @@ def _slide(t: np.ndarray, p: np.ndarray) -> tuple[float, float] | None:
 
 
 def _lean(t: np.ndarray, p: np.ndarray, q: Rotation) -> tuple[float, float]:
-    """Lean in rad of the axis nearest to up, ahead and to the left of the throw."""
+    """Lean in rad of the axis nearest to the vertical, ahead and to the left of the throw."""
     v = np.polyfit(t[:START], p[:START, :2], 1)[0]
     axes = q[-LAST:].as_matrix().mean(axis=0)
     which = int(np.abs(axes[2]).argmax())

@@ -1,11 +1,11 @@
-"""Fits of arcs: Newton steps that solve the constrained problem (2) of `likelihood` for many hypotheses at once.
+"""Fits of arcs by maximum likelihood: Newton steps for problem (2) of `likelihood`, for many hypotheses at once.
 
 With e = û - u, the linearised rows G du + G_η dη + g = 0 and P = N⁻¹, a step is
 
     S = G P G' + var,    λ = S⁻¹ (g + G e + G_η dη),    du = e - P G' λ,    dη = -(G_η' S⁻¹ G_η)⁻¹ G_η' S⁻¹ (g + G e)
 
-shortened where the exact-penalty merit asks for it.  A hypothesis that has converged takes no more steps, so that the
-few that need many do not cost those of all.
+shortened if the exact-penalty merit requires it.  A hypothesis that has converged takes no more steps, so the few
+hypotheses that need many steps do not slow down the others.
 
 Source: J. Nocedal, S. J. Wright, Numerical Optimization, 2nd ed., Springer 2006, chapter 18,
 doi 10.1007/978-0-387-40065-5.
@@ -20,32 +20,32 @@ from thesis_lib.thesis.identify.mass_ratio.sufficient_statistics import ArcStati
 
 MAX_ITERATIONS = 30
 CONVERGED = 1e-6  # Newton step in standard deviations of the arcs
-_BACKTRACK = (1.0, 0.5, 0.2, 0.05)  # fractions of a Newton step that are tried
-# information added to η: an unknown in no row (μ if all impacts stick) keeps its starting value
+_BACKTRACK = (1.0, 0.5, 0.2, 0.05)  # fractions of a Newton step to try
+# information added to η, so that an unknown in no row (μ if all impacts stick) keeps its starting value
 _SOFT_PRIOR = 1e-12
 
 
 @dataclass(frozen=True)
 class ArcFit:
-    """Fits of B hypotheses."""
+    """Results of fits to B hypotheses."""
 
     u: np.ndarray  # (B, 3, 2+J) arcs
     eta: np.ndarray  # (B, 3) m/I in 1/m², ε, μ; without a law, ε and μ are the starting values
     chi2: np.ndarray  # (B,) -2 log likelihood, up to a constant
-    # (B,) χ² of the links between arcs: of (2) without χ²_free, and of (3) without its logarithm
+    # (B,) χ² of the links between arcs: (2) without χ²_free, and (3) without its logarithm
     misfit: np.ndarray
     dof: np.ndarray  # (B,) degrees of freedom of `misfit`
-    std: np.ndarray  # (B, 3) standard deviations of η; infinite where the drop does not determine it
+    std: np.ndarray  # (B, 3) standard deviations of η; infinite if the drop does not determine it
     converged: np.ndarray  # (B,) bool
 
     @property
     def ratio(self) -> np.ndarray:
-        """m/I (B,) in 1/m²."""
+        """Estimates (B,) of m/I in 1/m²."""
         return self.eta[:, 0]
 
 
 def fit_arcs(model: ArcModel, u: np.ndarray | None = None, eta: np.ndarray | None = None) -> ArcFit:
-    """Solve (2) for every hypothesis, from the free arcs or from `u` (B, 3, 2+J) and `eta` (B, 3).
+    """Solve (2) for every hypothesis, starting from the free arcs or from `u` (B, 3, 2+J) and `eta` (B, 3).
 
     Fits that do not converge within `MAX_ITERATIONS` have `converged` false.
     """
@@ -53,7 +53,7 @@ def fit_arcs(model: ArcModel, u: np.ndarray | None = None, eta: np.ndarray | Non
     u = s.u.copy() if u is None else u.copy()
     eta = model.start() if eta is None else eta.copy()
     P = np.linalg.inv(s.N)
-    # what has converged stays, and takes no more steps
+    # hypotheses that have converged take no more steps
     going, part = np.arange(model.B), model
     for _ in range(MAX_ITERATIONS):
         u[going], eta[going], size = _newton_step(part, P[going], u[going], eta[going])
@@ -79,13 +79,13 @@ def fit_arcs(model: ArcModel, u: np.ndarray | None = None, eta: np.ndarray | Non
 def _newton_step(
     model: ArcModel, P: np.ndarray, u: np.ndarray, eta: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """u and η after a step from `u` (B, 3, 2+J) and `eta` (B, 3), and its size (B,) in standard deviations.
+    """Return u and η after a step from `u` (B, 3, 2+J) and `eta` (B, 3), and its size (B,) in standard deviations.
 
     `P` (B, 3, 2+J, 2+J) is N⁻¹.
     """
     s = model.s
     travel, g, G, G_eta, S, PG = _linearised(model, P, u, eta)
-    # least (du - e)'N(du - e) on the linearised rows: λ = S⁻¹ (g + G e + G_η dη), du = e - P G' λ
+    # minimise (du - e)'N(du - e) on the linearised rows: λ = S⁻¹ (g + G e + G_η dη), du = e - P G' λ
     e = s.u - u
     w = g + np.einsum("bgci,bci->bg", G, e)
     solved = np.linalg.solve(S, np.concatenate([w[:, :, None], G_eta], axis=2))
@@ -108,7 +108,7 @@ def _newton_step(
 
 
 def _linearised(model: ArcModel, P: np.ndarray, u: np.ndarray, eta: np.ndarray) -> tuple[np.ndarray, ...]:
-    """Travel, g, G, G_η, S (B, n_g, n_g) and N⁻¹ G' (B, 3, 2+J, n_g) at arcs u and η."""
+    """Linearisation at arcs u and η: travel, g, G, G_η, S (B, n_g, n_g) and N⁻¹ G' (B, 3, 2+J, n_g)."""
     motion = model.motion(u)
     travel = model.travel(motion)
     g = model.rows(u, motion, eta, travel)
@@ -128,5 +128,5 @@ def _information(G_eta: np.ndarray, solved: np.ndarray) -> np.ndarray:
 
 
 def _chi2(statistics: ArcStatistics, du: np.ndarray) -> np.ndarray:
-    """du' N du (B,) of changes du (B, 3, 2+J)."""
+    """Quadratic form du' N du (B,) of changes du (B, 3, 2+J)."""
     return (np.einsum("bcij,bcj->bci", statistics.root, du) ** 2).sum(axis=(1, 2))

@@ -1,7 +1,7 @@
-"""Hypotheses about the impacts of one drop: which steps, which vertices, which modes, one hit or two.
+"""Hypotheses about the impacts of one drop: their steps, vertices and modes, and whether there are one or two hits.
 
-Tried are steps up to `STEP_WINDOW` from those of the segmentation, vertices of nearly equal height, two hits within a
-few steps instead of one, and under the contact law every mode.  χ²_free bounds the χ² of a hypothesis from below, which
+Hypotheses include steps up to `STEP_WINDOW` from the segmentation, vertices of nearly equal height, two hits within a
+few steps instead of one and, under the contact law, all modes.  χ²_free bounds the χ² of a hypothesis from below, which
 rules out most; the others are fitted together (`likelihood`).
 
 Source: A. H. Land, A. G. Doig, Econometrica 28 (1960) 497, doi 10.2307/1910129 (ruling out by a bound).
@@ -25,30 +25,30 @@ from thesis_lib.thesis.identify.mass_ratio.likelihood import (
 from thesis_lib.thesis.identify.mass_ratio.sufficient_statistics import ArcStatistics, ArcSums
 from thesis_lib.thesis.identify.segmentation import floored
 
-STEP_WINDOW = 2  # steps tried on each side of the segmentation's
-# with more impacts, one step on each side is tried: the number of hypotheses is 5 to the number of impacts
+STEP_WINDOW = 2  # steps tried on each side of an impact of the segmentation
+# with more impacts, only one step on each side is tried, since 2 steps give 5^J hypotheses for J impacts
 MANY_IMPACTS = 4
-# χ² by which a tried hypothesis may exceed the best: weights of e^-12 do not count
+# χ² by which a hypothesis may exceed the best; beyond, weights are below e^-12
 OPEN = 25.0
 MAX_HYPOTHESES = 3000  # per number of impacts; the best by χ²_free are kept
 DOUBLE_HIT_STEPS = 8  # largest distance of the two hits of a split impact
 P_SPLIT = 0.02  # probability of a larger χ² below which a split is tried
-SLIDE_COST = 8.0  # χ² that sliding has to save: it adds μ, then known to about 1 % of its range
-# a sticking impact with |Δv_x| above this times μ Δv_y contradicts the μ of the sliding ones
+SLIDE_COST = 8.0  # χ² that sliding must save, because it adds μ, which is then known to about 1 % of its range
+# a sticking impact with |Δv_x| above this times μ Δv_y contradicts the μ of the sliding impacts
 CONE_SLACK = 1.2
-SPLIT_GAIN = 20.0  # χ² a split has to save: it adds three unknowns and is sought at about a hundred places
+SPLIT_GAIN = 20.0  # χ² that a split must save, because it adds three unknowns and is tried at about a hundred places
 
 
 @dataclass
 class FittedHypotheses:
-    """Fits of B hypotheses with one number of impacts; `modes` is None where impulses are free.
+    """Fits of B hypotheses with equal numbers of impacts; `modes` is None if impulses are free.
 
-    `any`: whether one converged; `row`: of the best, whose χ² is `chi2_min` and whose misfit has `p_value`;
-    `weight` (B,): exp(-χ²/2) relative to the best, 0 where not converged.
+    `any`: whether a fit converged; `row`: index of the best, whose χ² is `chi2_min` and whose misfit has `p_value`;
+    `weight` (B,): exp(-χ²/2) relative to the best, 0 if not converged.
     """
 
     statistics: ArcStatistics
-    vertices: np.ndarray  # (B, J) that touch, numbered as in the shape
+    vertices: np.ndarray  # (B, J) vertices that touch, numbered as in the shape
     modes: np.ndarray | None  # (B, J) 0 stick, ±1 slide with that sign of c_t
     fit: ArcFit
 
@@ -59,7 +59,7 @@ class FittedHypotheses:
             slides = self.modes != STICK
             u, mu = self.fit.u, self.fit.eta[:, 2]
             held = np.abs(u[:, 0, 2:]) <= CONE_SLACK * mu[:, None] * u[:, 1, 2:]
-            # a negative μ is the other direction of sliding, which is a separate hypothesis
+            # a negative μ means sliding in the other direction, which is a separate hypothesis
             usable &= ~slides.any(axis=1) | ((mu >= 0) & (held | slides).all(axis=1))
             score += SLIDE_COST * slides.any(axis=1)
         score[~usable] = np.inf
@@ -68,14 +68,14 @@ class FittedHypotheses:
         self.chi2_min = float(score[self.row])
         self.weight = np.exp(-0.5 * (score - self.chi2_min)) if self.any else np.zeros(len(score))
         dof = int(self.fit.dof[self.row])
-        # a drop with as many unknowns as rows fits exactly: nothing to test
+        # a drop with as many unknowns as rows is fitted exactly, so there is nothing to test
         self.p_value = float(chi2.sf(self.fit.misfit[self.row], dof)) if dof > 0 else 1.0
 
 
 class DropHypotheses:
-    """Possible courses of one drop, with time step `h` in s and noise `sigma` (2, 3).
+    """Hypotheses about one drop, with time step `h` in s and noise `sigma` (2, 3).
 
-    `use_gap` says whether the gaps at the impacts are part of the likelihood.
+    `use_gap`: whether the gaps at the impacts are part of the likelihood.
     """
 
     def __init__(self, sums: ArcSums, h: float, shape: BodyShape, gravity: float, use_gap: bool, sigma: np.ndarray):
@@ -90,9 +90,9 @@ class DropHypotheses:
         self.sigma = floored(spread, self.sums.q, self.sums.v)
 
     def fit_best(self, steps: np.ndarray) -> FittedHypotheses:
-        """Every open hypothesis with as many impacts as `steps` (J,), with free impulses.
+        """Fit every plausible hypothesis with as many impacts as `steps` (J,), with free impulses.
 
-        One impact is split into two hits where the samples clearly prefer that.
+        One impact is split into two hits if the samples clearly prefer it.
         """
         unsplit = best = self._fit_all(self._near(steps))
         if corner_points(self.shape) is not None:
@@ -103,7 +103,7 @@ class DropHypotheses:
         return best
 
     def fit_split(self, steps: np.ndarray, j: int, unsplit: FittedHypotheses) -> FittedHypotheses | None:
-        """As `fit_best`, with impact j split into two; None if that cannot improve on `unsplit`."""
+        """Fit as in `fit_best`, with impact j split into two; None if that cannot improve on `unsplit`."""
         k = steps[j]
         pairs = [
             (a, b)
@@ -120,7 +120,7 @@ class DropHypotheses:
         return self._fit_all(statistics) if gain > SPLIT_GAIN or unsplit.p_value < P_SPLIT else None
 
     def fit_law(self, free: FittedHypotheses) -> FittedHypotheses:
-        """The open hypotheses of `free` under the contact law, with every combination of modes."""
+        """Fit the plausible hypotheses of `free` under the contact law, with every combination of modes."""
         open_ = np.flatnonzero(free.fit.chi2 < free.chi2_min + OPEN)
         J = free.statistics.steps.shape[1]
         modes = np.array(list(itertools.product((STICK, SLIDE_FORWARD, SLIDE_BACK), repeat=J)))
@@ -164,7 +164,7 @@ class DropHypotheses:
         return ArcModel(statistics, vertices, self.h, self.shape, self.gravity, modes, self.use_gap)
 
     def _fit_all(self, statistics: ArcStatistics) -> FittedHypotheses:
-        # χ²_free bounds χ² from below: a value far above the best cannot become the best
+        # χ²_free bounds χ² from below, so hypotheses far above the least value cannot become the best
         order = np.argsort(statistics.chi2_free, kind="stable")
         order = order[statistics.chi2_free[order] < statistics.chi2_free[order[0]] + 2.0 * OPEN]
         rows, vertices = self._vertices(statistics.take(order))
@@ -173,7 +173,7 @@ class DropHypotheses:
         return FittedHypotheses(statistics, vertices, None, fit_arcs(self._model(statistics, vertices, None)))
 
     def _vertices(self, s: ArcStatistics) -> tuple[np.ndarray, np.ndarray]:
-        """Rows (H,) of `s` and vertices (H, J): each combination of vertices that could be the lowest."""
+        """Rows (H,) of `s` and vertices (H, J) for each combination of vertices that could be the lowest."""
         B, J = s.steps.shape
         corners = corner_points(self.shape)
         if corners is None:
@@ -189,7 +189,7 @@ class DropHypotheses:
         low = np.argmin(r_y, axis=2)[..., None]
         above = r_y - np.take_along_axis(r_y, low, 2)
         turn = np.abs(r_x - np.take_along_axis(r_x, low, 2))
-        # a higher vertex can hit if the angle is uncertain, or a few steps later (two hits in a row)
+        # a higher vertex can hit if the angle is uncertain, or a few steps later (two hits in succession)
         travel = 2.0 * self.h * np.abs(s.u[:, 1, 2:])
         able = above <= 4.0 * theta_std[..., None] * turn + travel[..., None]
         found = [(b, pick) for b in range(B) for pick in itertools.product(*map(np.flatnonzero, able[b]))]

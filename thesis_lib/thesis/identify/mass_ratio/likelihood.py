@@ -1,27 +1,27 @@
-"""Maximum likelihood of m/I given the arcs of a drop, for many hypotheses about its impacts at once.
+"""Likelihood of m/I given the arcs of a drop, for many hypotheses about its impacts at once.
 
 An impulse (c_t, c_n) at the contact point r changes the velocities by Δv_x = c_t / m, Δv_y = c_n / m and
 
     Δω_j = (m/I) (r_x Δv_y - r_y Δv_x)_j,     r = r(θ_{k_j}),                                             (1)
 
-which links the arcs of θ to those of x and y; nothing is assumed about friction or restitution.  The samples determine
+which links the arcs of θ to the arcs of x and y, without assumptions on friction or restitution.  The samples determine
 the arcs u with information N (`sufficient_statistics`), so maximum likelihood is a small constrained problem,
 
     minimise χ²_free + (u - û)' N (u - û)   over u, η    subject to  g(u, η) = 0,                              (2)
 
 with η = (m/I, ε, μ) and g the rows (1).  It is solved by Newton steps on the linearised rows G du + G_η dη + g = 0.  As
-in multiple shooting every arc has its own unknowns, so an early error does not grow through later impacts.  A
-hypothesis gives the impact steps k_j, the vertex of a polygon that hits, and under a contact law the mode of each
+in multiple shooting, every arc has its own unknowns, so an early error does not grow through later impacts.  A
+hypothesis gives the impact steps k_j, the vertex of a polygon that hits and, under a contact law, the mode of each
 impact.  Two kinds of rows may be added:
 
-Gap.  The time stepper applies an impulse in the first step that would end in the surface.  The gap at the start of
+Gap.  The time stepper applies an impulse in the first step that would end below the surface.  The gap at the start of
 that step, φ_j = y + r_y at k_j, therefore lies between 0 and the travel h |v_n| of the contact point in the step.  This
-is geometry, not a contact law.  φ_j is uniform there over drops; it enters as a normal variable of equal mean and
+is geometry, not a contact law.  Over drops, φ_j is uniform there; it enters as a normal variable of equal mean and
 variance,
 
     √12 (φ_j / (h |v_n|_j) - 1/2) ~ N(0, 1),   with 2 log(h |v_n|_j) in -2 log likelihood.                        (3)
 
-Contact law.  Newton's restitution and Coulomb's friction with unknown ε and μ shared by the drop's impacts; v- is v_k,
+Contact law.  Newton's restitution and Coulomb's friction, with unknown ε and μ shared by a drop's impacts; v- is v_k,
 v+ is v_{k+1}:
 
     J_n v+ + ε J_n v- = 0;     J_t v+ = 0 (stick)   or   Δv_x = ± μ Δv_y (slide).                               (4)
@@ -40,7 +40,7 @@ from thesis_lib.thesis.identify.mass_ratio.sufficient_statistics import ArcStati
 
 BodyShape = Polygon | Ellipse | Disk | Rod
 
-SPEED_FLOOR = 0.05  # m/s; |v_n| in the gap's scale: a trial value of zero would make (3) infinite
+SPEED_FLOOR = 0.05  # m/s; least |v_n| in the scale of the gap, since a trial value of zero would make (3) infinite
 RATIO, EPSILON, MU = range(3)  # columns of η
 SLIDE_FORWARD, STICK, SLIDE_BACK = 1, 0, -1  # modes: sign of c_t of an impact that slides
 
@@ -53,7 +53,7 @@ def corner_points(shape: BodyShape) -> np.ndarray | None:
 
 
 def contact_offset(shape: BodyShape, theta: np.ndarray, vertex: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Contact point r (n, 2) in m at angles (n,), and the derivative (n,) of r_x by θ; that of r_y is r_x.
+    """Contact point r (n, 2) in m at angles (n,), and the derivative (n,) of r_x by θ; the derivative of r_y is r_x.
 
     `vertex` (n,) is the touching vertex of a polygon; other shapes ignore it.
     """
@@ -78,7 +78,7 @@ class ImpactMotion:
 
     r_x: np.ndarray  # r_x, r_y: m, contact point from the centre of mass
     r_y: np.ndarray
-    dr_x: np.ndarray  # m/rad, derivative of r_x by θ; that of r_y is r_x
+    dr_x: np.ndarray  # m/rad, derivative of r_x by θ; the derivative of r_y is r_x
     dv_x: np.ndarray  # dv_x, dv_y, d_omega: change of velocity by the impulse
     dv_y: np.ndarray
     d_omega: np.ndarray
@@ -87,7 +87,7 @@ class ImpactMotion:
 
     @property
     def lever(self) -> np.ndarray:
-        """r_x Δv_y - r_y Δv_x in m²/s, see (1)."""
+        """Lever r_x Δv_y - r_y Δv_x in m²/s, see (1)."""
         return self.r_x * self.dv_y - self.r_y * self.dv_x
 
     @property
@@ -103,10 +103,10 @@ class ImpactMotion:
 
 @dataclass
 class ArcModel:
-    """The rows g of (1), (3) and (4), in this order, and their derivatives, for B hypotheses.
+    """Model of B hypotheses: the rows g of (1), (3) and (4), in this order, and their derivatives.
 
-    There are J rows of each kind; those of (4) are J of restitution, then J of friction.
-    `vertices` (B, J) are the touching ones; `modes` (B, J) those of the law, or None for free impulses; `use_gap`
+    There are J rows of each kind; (4) has J rows of restitution, then J of friction.
+    `vertices` (B, J) are those that touch; `modes` (B, J) are for the law, or None for free impulses; `use_gap`
     adds (3) to the likelihood.  `h` is in s, `gravity` in m/s².
     """
 
@@ -132,7 +132,7 @@ class ArcModel:
         self.after = self.before + self.change
 
     def take(self, rows: np.ndarray) -> "ArcModel":
-        """The hypotheses `rows`."""
+        """Return the hypotheses `rows`."""
         modes = None if self.modes is None else self.modes[rows]
         return replace(self, s=self.s.take(rows), vertices=self.vertices[rows], modes=modes)
 
@@ -149,13 +149,13 @@ class ArcModel:
         return ImpactMotion(r_x, r_y, dr_x, *changes, v_y_before, _apply(self.before, u[:, 2]))
 
     def travel(self, motion: ImpactMotion) -> np.ndarray:
-        """Scale h |v_n| (B, J) of (3) in m, the contact point's travel in a step; 1 where (3) is not used."""
+        """Scale h |v_n| (B, J) of (3) in m, the travel of the contact point in a step; 1 if (3) is not used."""
         if not self.use_gap:
             return np.ones((self.B, self.J))
         return self.h * np.maximum(self.gravity * self.h - motion.v_n_before, SPEED_FLOOR)
 
     def rows(self, u: np.ndarray, motion: ImpactMotion, eta: np.ndarray, travel: np.ndarray) -> np.ndarray:
-        """Rows g (B, n_g) at arcs u (B, 3, 2+J) with their `motion`, η (B, 3) and the scale `travel` (B, J) of (3)."""
+        """Rows g (B, n_g) for arcs u (B, 3, 2+J) with their `motion`, η (B, 3) and the scale `travel` (B, J) of (3)."""
         ratio, epsilon, mu = eta.T[:, :, None]
         g = [motion.d_omega - ratio * motion.lever]
         if self.use_gap:
@@ -170,11 +170,11 @@ class ArcModel:
         return np.concatenate(g, axis=1)
 
     def derivatives(self, motion: ImpactMotion, eta: np.ndarray, travel: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Derivatives of the rows by u and η, G (B, n_g, 3, 2+J) and G_η (B, n_g, 3), at constant `travel`."""
+        """Derivatives of the rows by u, G (B, n_g, 3, 2+J), and by η, G_η (B, n_g, 3), at constant `travel`."""
         ratio, epsilon, mu = eta.T[:, :, None]
         m, none = motion, np.zeros_like(self.position)
         d_lever = m.dr_x * m.dv_y - m.r_x * m.dv_x
-        # each block: derivatives by the arcs of x, y and θ
+        # each block: derivatives with respect to the arcs of x, y and θ
         blocks = [
             (
                 (ratio * m.r_y)[:, :, None] * self.change,
@@ -216,7 +216,7 @@ class ArcModel:
         return np.repeat(blocks, self.J)
 
     def start(self) -> np.ndarray:
-        """Start η (B, 3): m/I by least squares on (1), ε the median over impacts, μ the largest |Δv_x| / Δv_y."""
+        """Starting η (B, 3): m/I by least squares on (1), ε as median over impacts, μ as largest |Δv_x| / Δv_y."""
         m = self.motion(self.s.u)
         square = (m.lever**2).sum(axis=1)
         ratio = (m.lever * m.d_omega).sum(axis=1) / np.where(square > 0, square, 1.0)
@@ -228,5 +228,5 @@ class ArcModel:
 
 
 def _apply(linear: np.ndarray, channel: np.ndarray) -> np.ndarray:
-    """A linear map (B, J, 2+J) of `ArcModel` applied to one channel (B, 2+J) of u."""
+    """Apply a linear map (B, J, 2+J) of `ArcModel` to one channel (B, 2+J) of u."""
     return np.einsum("bji,bi->bj", linear, channel)

@@ -1,23 +1,23 @@
-"""The thesis's program for m/I of a free body (eqs. 2.12, 2.13, 2.23, table 2.1): noisy samples taken as the truth.
+"""The thesis's program for m/I of a free body (eqs. 2.12, 2.13, 2.23, table 2.1), which takes noisy samples as true.
 
     minimise over m/I, c   Σ_k |v_{k+1} - v_k - h g - diag(1, 1, m/I) (J_n' c_n + J_t' c_t)_k|²
     subject to             c_n >= 0,  |c_t| <= μ c_n,  c_n = 0 off contact,  c_t = -sign(v_t) μ c_n if sliding,
 
-impulses per mass.  The samples fix the gap, the Jacobians and the sliding velocity.  For each m/I the program splits
-into one convex problem of two unknowns per step, solved in closed form (projection on a plane cone), so the whole is a
-search over one number.  In a step one pair may act, the lowest at its end.  As the thesis softens the distance (its
+with impulses per mass.  The samples fix gap, Jacobians and sliding velocity.  For each m/I, the program splits
+into one convex problem of two unknowns per step, solved in closed form (projection on a plane cone), which leaves a
+search over one number.  In each step one pair may act, the lowest at its end.  As the thesis softens the distance (its
 approach 1), a gap or a sliding velocity within `TOLERANCE` standard deviations of zero counts as zero.
 
 The thesis's three treatments of noise (section 2.3.2, step 4), for a body of known mass (`treated_ratio`):
 
-    softened        eq. 2.13: contacts may act at a distance, at a price
-    complementary   eq. 2.14 with the dynamics as cost: every product of the complementarity has a price
-    projected       eq. 2.12 on states moved to the contact manifold (`base_parameters.projection`)
+    softened        eq. 2.13: contacts may act at a distance, at a cost
+    complementary   eq. 2.14 with the dynamics as cost: every complementarity product has a cost
+    projected       eq. 2.12 on states projected onto the contact manifold (`base_parameters.projection`)
 
-Gaps and sliding velocities within three standard deviations of their noise count as zero; without that hardly any
-contact acts.  Each program is solved to its global minimum (`programs.mode_qp`).  Eq. 2.14 as printed, with the
-dynamics as a constraint, has no solution: in flight the noisy spin changes without a torque.  For the same reason all
-three find too small an inertia: I times the noise of the spin's change is a misfit, and I = 0 has none.
+Gaps and sliding velocities within three standard deviations of their noise count as zero; otherwise hardly any
+contact would act.  Each program is solved to its global minimum (`programs.mode_qp`).  Eq. 2.14 as printed, with the
+dynamics as a constraint, has no solution: in flight, the noisy spin changes without a torque.  For the same reason all
+three underestimate the inertia: I times the noise of the change of spin is a misfit, which vanishes for I = 0.
 """
 
 from typing import Literal
@@ -32,18 +32,18 @@ from thesis_lib.thesis.identify.programs.mode_qp import Program, solve_mode_qp
 from thesis_lib.thesis.identify.segmentation import check_states
 
 TOLERANCE = 3.0  # standard deviations within which a gap or a sliding velocity counts as zero
-EXACT = 1e-9  # m, m/s: the same without noise, well above rounding
-# range of m/I times the extent squared: 1 has all mass at the extent, 100 at a tenth of it
+EXACT = 1e-9  # m, m/s: the same limit without noise, well above rounding
+# range of m/I times the extent squared: 1 if all mass is at the extent, 100 if it is at a tenth of it
 SEARCH = (0.01, 100.0)
 Treatment = Literal["softened", "complementary", "projected"]
 PROGRAMS: dict[Treatment, Program] = {"softened": "2.13", "complementary": "2.14 soft", "projected": "2.12"}
-_GRID, _REFINEMENTS = 121, 6  # points per search; each refinement narrows to the two cells around the best
+_GRID, _REFINEMENTS = 121, 6  # points per search; each refinement narrows it to the two cells around the best point
 
 
 def plain_ratio(
     body: PlanarFreeBody, h: float, q: np.ndarray, v: np.ndarray, mu: float, sigma: np.ndarray | None = None
 ) -> float:
-    """m/I in 1/m² by eq. 2.23; NaN if no sample is near contact.
+    """Estimate m/I in 1/m² by eq. 2.23; NaN if no sample is near contact.
 
     Only shape and gravity of `body` are used; `h` in s; `q`, `v` (m+1, 3) are noisy states, whose noise `sigma` (2, 3)
     sets the tolerances (None: exact data).
@@ -80,7 +80,7 @@ def plain_ratio(
 def treated_ratio(
     treatment: Treatment, body: PlanarFreeBody, h: float, q: np.ndarray, v: np.ndarray, mu: float, sigma: np.ndarray
 ) -> float:
-    """m/I in 1/m², within `SEARCH`, from noisy states q, v (m+1, 3) with noise `sigma` (2, 3).
+    """Estimate m/I in 1/m², within `SEARCH`, from noisy states q, v (m+1, 3) with noise `sigma` (2, 3).
 
     Shape, mass and gravity of `body` are used, its inertia is not; h in s.
     """
@@ -88,7 +88,7 @@ def treated_ratio(
     reach = body.shape.extent
     gap, slip = contact_tolerances(body, sigma)
     if treatment == "projected":
-        # a uniform disk of that extent stands for the inertia, which is not known
+        # the unknown inertia is replaced by that of a uniform disk of this extent
         metric = np.array([1.0, 1.0, 0.5 * reach**2])
         states = project_to_contact(states, body, gap_tolerance=gap, v_tolerance=slip, metric=metric)
         window = states.touching(free_body_window(states, mu, body))
@@ -102,7 +102,7 @@ def treated_ratio(
 
 
 def impact_least_squares(body: PlanarFreeBody, h: float, q: np.ndarray, v: np.ndarray, steps: np.ndarray) -> float:
-    """m/I in 1/m² by least squares of Δω on r_x Δv_y - r_y Δv_x at known impact steps (J,); NaN without any.
+    """Estimate m/I in 1/m² by least squares of Δω on r_x Δv_y - r_y Δv_x at known impact steps (J,); NaN if J = 0.
 
     Eq. 2.23 reduces to this for known contact steps, free friction and Δω alone.  Noise in the regressor biases the
     slope towards zero.
@@ -120,7 +120,7 @@ def impact_least_squares(body: PlanarFreeBody, h: float, q: np.ndarray, v: np.nd
 def _lowest_pair(
     body: PlanarFreeBody, h: float, q: np.ndarray, v_free: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Least gap (s,) in m after s free steps (the time stepper acts below 0), and that pair's J_n, J_t (s, 3)."""
+    """Least gap (s,) in m after s free steps (the time stepper acts below 0), and J_n, J_t (s, 3) of that pair."""
     contacts = body.contacts_of(q)
     ahead = contacts.phi + h * np.einsum("kpi,ki->kp", contacts.J_n, v_free)
     at = np.arange(len(q)), ahead.argmin(axis=1)
@@ -130,7 +130,7 @@ def _lowest_pair(
 def _cost(
     ratio: np.ndarray, b: np.ndarray, J_n: np.ndarray, J_t: np.ndarray, mu: float, sign: np.ndarray
 ) -> np.ndarray:
-    """Σ_k min_c |b - A c|² (r,) for trial ratios (r,), up to Σ |b|², with A = diag(1, 1, m/I) J'.
+    """Cost Σ_k min_c |b - A c|² (r,) for trial ratios (r,), up to Σ |b|², with A = diag(1, 1, m/I) J'.
 
     `b` (s, 3): velocity changes beyond gravity in s steps near contact; `sign` (s,) of c_t where sliding, else 0.
     """
@@ -145,7 +145,7 @@ def _cost(
         edge = np.maximum(along, 0.0) ** 2 / square
         edges.append(np.where((sign == 0.0) | (sign == side), edge, 0.0))
     explained = np.maximum(*edges)
-    # and inside of it, where sticking
+    # and inside the cone, for sticking
     det = tt * nn - tn**2
     with np.errstate(divide="ignore", invalid="ignore"):
         c_t, c_n = (nn * bt - tn * bn) / det, (tt * bn - tn * bt) / det

@@ -1,11 +1,11 @@
-"""Sufficient statistics of the arcs of a drop.
+"""Sufficient statistics of the arcs (ballistic trajectories between impacts) of a drop.
 
-With the impact steps k_1 < ... < k_J given, the states without gravity are linear in u = (q_0, v_0, Δv_1 ... Δv_J),
+For given impact steps k_1 < ... < k_J, the states without gravity are linear in u = (q_0, v_0, Δv_1 ... Δv_J),
 channel by channel (x, y, θ):
 
     q̃_k = q_0 + h k v_0 + h Σ_j (k - k_j)_+ Δv_j,     ṽ_k = v_0 + Σ_j 1[k > k_j] Δv_j.
 
-So χ²(u) = χ²_free + (u - û)' N (u - û) holds exactly, with N and N û from running sums over the samples.  Links between
+Hence χ²(u) = χ²_free + (u - û)' N (u - û) exactly, with N and N û from running sums over the samples.  Links between
 channels (a contact point, a contact law) are fitted to û and N, for many sets of steps at once and at a cost that does
 not grow with the number of samples.
 
@@ -42,7 +42,7 @@ class ArcSums:
     def __init__(self, h: float, q: np.ndarray, v: np.ndarray):
         self.h, self.q, self.v = h, q, v
         self.m = len(q) - 1
-        # a straight line is removed before summing, and added back to û: the sums then lose few digits
+        # a straight line is removed before summing, to limit loss of digits, and added back to û
         self._v0 = v.mean(axis=0)
         self._q0 = (q - h * np.arange(len(q))[:, None] * self._v0).mean(axis=0)
         dq = q - self._q0 - h * np.arange(len(q))[:, None] * self._v0
@@ -55,7 +55,7 @@ class ArcSums:
         self._squares = np.stack([(dq**2).sum(axis=0), (dv**2).sum(axis=0)])
 
     def statistics(self, steps: np.ndarray, sigma: np.ndarray) -> ArcStatistics:
-        """For impact steps (B, J) and noise `sigma` (2, 3)."""
+        """Return the statistics for impact steps (B, J) and noise `sigma` (2, 3)."""
         steps = np.asarray(steps, dtype=int)
         B, J = steps.shape
         weight_q, weight_v = 1.0 / sigma[0] ** 2, 1.0 / sigma[1] ** 2  # (3,)
@@ -86,10 +86,10 @@ class ArcSums:
         return ArcStatistics(steps, u, N, root, chi2_free)
 
     def residual_spread(self, steps: np.ndarray, u: np.ndarray) -> np.ndarray:
-        """Standard deviations (2, 3) of q and v about the free arcs `u` (3, 2+J) with impact steps (J,).
+        """Standard deviations (2, 3) of q and v from the free arcs `u` (3, 2+J) with impact steps (J,).
 
         A channel's 2 + J numbers are fitted to its positions and velocities together; the degrees of freedom are shared
-        between the two in proportion to their number of samples.
+        between both in proportion to their number of samples.
         """
         k = np.arange(self.m + 1)
         ramps = self.h * np.maximum(k[:, None] - steps, 0)

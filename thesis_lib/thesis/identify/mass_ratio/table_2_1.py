@@ -1,23 +1,23 @@
-"""Table 2.1 of the thesis, section 2.4: m/I of block and ellipse at four signal-to-noise ratios, with bounds.
+"""Table 2.1 of the thesis (section 2.4): errors of m/I of block and ellipse at four signal-to-noise ratios.
 
-Drops are simulated (`simulate.chapter2.motions`) and cut before the fourth impact.  Left out, and counted, are drops
-in which two corners hit in one step (no state shows how they share the impulse), drops with fewer than two impacts, and
-drops with fewer than `min_after` samples after the last one.  Each ratio adds fresh noise.  Methods on the same states:
+Drops are simulated (`simulate.mechanisms.motions`) and cut before the fourth impact.  Left out, and counted, are drops
+in which two corners hit in one step (their shares of the impulse are unobservable), drops with fewer than two impacts,
+and drops with fewer than `min_after` samples after the last.  Each ratio has its own noise.  Methods, on equal states:
 
 - plain: eq. 2.23 on the samples, noise level and μ known (`plain_program.plain_ratio`)
 - softened, complementary, projected: the three treatments of noise of section 2.3.2, noise level and μ known
   (`plain_program.treated_ratio`)
 - least_squares: Δω against lever at the true impact steps (`plain_program.impact_least_squares`)
-- arcs: maximum likelihood over arcs and impulses, noise estimated (`estimate.DropEstimates`), impulses free, no gap
-- arcs_gap: the same, with the gap at the impacts
-- arcs_law: the same, with the contact law, μ and ε unknown
+- arcs: maximum likelihood over arcs and free impulses, without gap, noise estimated (`estimate.DropEstimates`)
+- arcs_gap: arcs, with the gap at the impacts
+- arcs_law: arcs_gap, with the contact law, μ and ε unknown
 
 The bound of a row is the root mean square of the Cramér-Rao bounds of its drops, without a contact law: arcs_gap and
-arcs_law fall below it where geometry and the law add information.  `law_bound` is the bound with the law.  The worst
-drops dominate a root mean square (an ellipse with little rotation carries little information), so `error_over_bound`
+arcs_law fall below it where geometry and law add information.  `law_bound` is the bound with the law.  The worst
+drops dominate a root mean square (an ellipse with little rotation gives little information), so `error_over_bound`
 divides each error by the bound of its drop; it is 1 for an efficient estimator.
 
-The thesis's column for the ellipse contradicts its text: its percentages are those of m/I near 6, not of 0.8.
+The thesis's column for the ellipse contradicts its text: the percentages correspond to m/I near 6, not 0.8.
 """
 
 from dataclasses import dataclass
@@ -80,7 +80,7 @@ def make_drops(
     """Simulate drops of "block" or "ellipse" until n are accepted.
 
     Raises:
-        RuntimeError: hardly any drop is accepted; the settings contradict each other.
+        RuntimeError: hardly any drop is accepted, because the settings contradict each other.
     """
     body = BODIES[kind](bodies)
     reasons = dict.fromkeys(LEFT_OUT, 0)
@@ -96,7 +96,7 @@ def make_drops(
             impacts.append(window_impacts)
             if len(records) == n:
                 return KeptDrops(body, tuple(records), tuple(impacts), reasons)
-    raise RuntimeError(f"only {len(records)} of {_MAX_BATCHES * _BATCH} drops of the {kind} were kept: {reasons}")
+    raise RuntimeError(f"only {len(records)} of {_MAX_BATCHES * _BATCH} drops of the {kind} were accepted: {reasons}")
 
 
 def _window(record: SimulatedMotion, mu: float, settings: Table21) -> tuple[SimulatedMotion, TrueImpacts | None, str]:
@@ -116,14 +116,14 @@ def _window(record: SimulatedMotion, mu: float, settings: Table21) -> tuple[Simu
 
 
 def left_out_table(kind: str, drops: KeptDrops) -> pd.DataFrame:
-    """Numbers of drops left out, a row per reason of `LEFT_OUT`."""
+    """Table of the numbers of drops left out, a row per reason of `LEFT_OUT`."""
     return pd.DataFrame({"shape": kind, "reason": list(drops.left_out), "drops": list(drops.left_out.values())})
 
 
 def study(
     kind: str, drops: KeptDrops, rng: np.random.Generator, settings: Table21, bodies: Chapter2Bodies
 ) -> pd.DataFrame:
-    """A row per drop, ratio and method.
+    """Apply all methods to all drops; a row per drop, signal-to-noise ratio and method.
 
     Columns: shape, snr, drop, method, ratio (1/m²), error (%), std (%, stated), bound, law_bound (%), status.
     """
@@ -163,7 +163,7 @@ def _rms(values: pd.Series) -> float:
 
 
 def table_2_1(rows: pd.DataFrame) -> pd.DataFrame:
-    """A row per shape, method and ratio, from the rows of `study`; errors over drops with status ok."""
+    """Table 2.1 from the rows of `study`: a row per shape, method and ratio; errors are over drops with status ok."""
     ok = EstimateStatus.OK.name.lower()
     table = []
     rows = rows.assign(method=pd.Categorical(rows["method"], METHODS))
@@ -171,7 +171,7 @@ def table_2_1(rows: pd.DataFrame) -> pd.DataFrame:
         used = group[group["status"] == ok]
         error, bound = used["error"], _rms(used["bound"])
         thesis, thesis_std, thesis_percent = THESIS[shape].get(snr, (np.nan, np.nan, np.nan))
-        unit = float(np.median(used["ratio"] / (100.0 + error))) if len(used) else np.nan  # a percent of m/I
+        unit = float(np.median(used["ratio"] / (100.0 + error))) if len(used) else np.nan  # one percent of m/I
         scaled = (used["error"] / used["bound"]).abs()
         table.append(
             {
@@ -190,7 +190,7 @@ def table_2_1(rows: pd.DataFrame) -> pd.DataFrame:
                 "std_over_bound": error.std() / bound,
                 "error_over_bound": _rms(error / used["bound"]),
                 "error_over_law_bound": _rms(error / used["law_bound"]),
-                # 1 for an efficient estimator, whatever the tails
+                # 1 for an efficient estimator, independently of the tails
                 "median_over_bound": MAD_TO_STD * scaled.median(),
                 "std_stated": _rms(used["std"]),
                 "mean_ratio_error": unit * error.mean(),

@@ -1,1 +1,1 @@
-"""The identification programs (thesis eqs. 2.12 to 2.14)."""
+"""The mathematical programs of identification (thesis eqs. 2.12 to 2.14)."""

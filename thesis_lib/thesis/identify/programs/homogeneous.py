@@ -1,20 +1,20 @@
-"""The program without known external force: a singular value problem (thesis section 2.3.3, after eq. 2.14).
+"""The identification program without known external force, a singular value problem (thesis 2.3.3, after eq. 2.14).
 
-With f = 0 eq. 2.12 is homogeneous: Θ = 0, c = 0 solves it, and any other solution only up to its scale, one for
-parameters and forces.  So the scale is fixed, and the contact forces are eliminated as in `mode_qp`,
+With f = 0, eq. 2.12 is homogeneous: Θ = 0, c = 0 solves it, and other solutions are determined up to a scale, common
+to parameters and forces.  The scale is therefore fixed, and the contact forces are eliminated as in `mode_qp`,
 
     minimise ‖Ỹ Θ‖   subject to   ‖S Θ‖ = 1,        Ỹ_k = (1 − B_k B_k⁺) Y_k,        a_k = B_k⁺ Y_k Θ,
 
-with the columns of Y S⁻¹ of unit norm.  S Θ is the right singular vector of Ỹ S⁻¹ to the least singular value.  Without
-noise that value is 0; the one above it is not, or more than the scale is undetermined: bodies that never touch each
-other have a scale each.  The sign is that with which contacts push.
+where the columns of Y S⁻¹ have unit norm.  S Θ is the right singular vector of Ỹ S⁻¹ for the least singular value,
+which is 0 without noise.  If the next one is also 0, more than the scale is undetermined: bodies that never touch each
+other each have their own scale.  The sign is chosen such that contacts push.
 
 | in code           | on paper            | unit | shape |
 |-------------------|---------------------|------|-------|
-| `theta`           | Θ over its first, m | 1, m² | (n_Θ,) |
+| `theta`           | Θ over its first entry, m | 1, m² | (n_Θ,) |
 
-With noise the least singular value is not 0, and which Θ has the least misfit depends on S; a parameter that only noise
-excites comes out too small, as with known mass (`mass_ratio.plain_program`).
+With noise the least singular value is not 0, and the Θ of least misfit depends on S; a parameter that only noise
+excites is underestimated, as with known mass (`mass_ratio.plain_program`).
 """
 
 import re
@@ -33,7 +33,7 @@ from thesis_lib.thesis.identify.programs.result import ProgramResult, judged
 
 
 def solve_homogeneous(window: ContactWindow) -> ProgramResult:
-    """Θ and c over the first parameter, which is 1, from a window without known force.
+    """Estimate Θ and c relative to the first parameter, which is set to 1, from a window without known force.
 
     Raises:
         UserError: a force or a parameter is known, or more than the scale is undetermined.
@@ -49,22 +49,22 @@ def solve_homogeneous(window: ContactWindow) -> ProgramResult:
     theta = np.linalg.svd(Y.reshape(-1, n) / scale, full_matrices=False)[2][-1] / scale
     amplitude = amplitudes(window, inverse, theta, len(edges))
     sign = np.sign(amplitude.sum()) or np.sign(theta @ scale)
-    # the largest force that parameters or contacts take part in is 1, as residuals are told in that unit
+    # scale the largest generalised force to 1, the unit of the residuals
     size = sign * np.abs(window.Y * theta).max()
     theta, amplitude = theta / size, amplitude / size
     c_n, c_t = forces_of(window, edges, amplitude)
     cost = float(np.sum(window.residual(theta, c_n, c_t) ** 2))
     pushes = admissible(window, theta, amplitude)
     result = judged(window, "singular value", pushes, theta, c_n, c_t, cost)
-    one = theta[0] or 1.0  # a unit that comes out as 0 explains nothing, and the status says so
+    one = theta[0] or 1.0  # if the first parameter is 0, the status reports that the result explains nothing
     return replace(result, theta=theta / one, c_n=c_n / one, c_t=c_t / one)
 
 
 def ratios_table(settings: Chapter2Bodies = DEFAULT) -> pd.DataFrame:
-    """Estimates of the program in the cases of `excitation_cases` without known force; a row each.
+    """Table of the program's estimates in the cases of `excitation_cases` without known force, a row each.
 
     Columns: case, ratio and truth (m/I in 1/m²), ratio_error and force_error (relative, of m/I and of the forces over
-    the mass), found; numbers are empty where the program refuses the window.
+    the mass), found; numbers are empty if the program refuses the window.
     """
     bodies = {"disk": disk(settings), "square": block(settings), "flight": block(settings)}
     rows = []

@@ -1,23 +1,23 @@
-"""The identification programs as convex programs: contact modes are data (thesis eqs. 2.12 to 2.14).
+"""The identification programs as convex programs, since contact modes are data (thesis eqs. 2.12 to 2.14).
 
-In eq. 2.12 gaps φ and sliding velocities v_rel are data, and hence the mode of every contact.  From
+In eq. 2.12, gaps φ and sliding velocities v_rel are data, and hence also the mode of every contact.  From
 0 ≤ c_± ⟂ λ ± v_rel ≥ 0 follows λ ≥ |v_rel|; every cost and constraint with λ grows with it, so λ = |v_rel|.
-A contact force is then a non-negative sum of the two edges of its friction cone,
+A contact force is then a non-negative combination of the two edges of its friction cone,
 
     (c_n, c_t) = Σ_e a_e (1, s_e μ),   s_e = ±1,   a_e ≥ 0,   price π_e = w_n φ + w_t μ (|v_rel| + s_e v_rel),
 
 where π_e a_e is the sum of the edge's complementarity products.  With B the edges' generalised forces, the programs
 
-    2.12       min ‖Y Θ − B a − f‖²              over edges of price 0: closed gap, and against the sliding
+    2.12       min ‖Y Θ − B a − f‖²              over edges of price 0: closed gap, force against the sliding
     2.13       min ‖Y Θ − B a − f‖² + w_n φ'c_n   over edges that obey friction
     2.14       min π'a   subject to Y Θ − B a = f over all edges
     2.14 soft  min ‖Y Θ − B a − f‖² + π'a         over all edges
 
-are convex, with a global minimum.  (Both friction products of 2.14 weigh w_t; both weights are 1.)
+are convex, with a global minimum.  (Both friction products of 2.14 have weight w_t; both weights are 1.)
 
-If the least-squares solution over edges of price 0 has a ≥ 0, it is the answer; eliminating the forces step by step
-takes time linear in the window.  Otherwise Clarabel solves the program, and least squares on the edges in use polishes
-the solution.
+If the least-squares solution over edges of price 0 has a ≥ 0, it is optimal; eliminating the forces step by step
+takes time linear in the window length.  Otherwise Clarabel solves the program, and least squares on the active edges
+refines the solution.
 
 Sources: thesis section 2.3.2; P. Goulart, Y. Chen, Clarabel, arXiv 2405.12762.
 """
@@ -34,12 +34,12 @@ if TYPE_CHECKING:
     from scipy.sparse import csc_matrix
 
 Program = Literal["2.12", "2.13", "2.14", "2.14 soft"]
-REACH = 0.05  # m: farther contacts get no force variables; a step of 5 ms closes this gap at 10 m/s
-NEGATIVE = 1e-12  # of the force scale: an amplitude above minus this is rounding of zero
-SUPPORT = 1e-7  # of the force scale: Clarabel's zeros end below it
+REACH = 0.05  # m: contacts with a larger gap have no force variables; a step of 5 ms closes this gap at 10 m/s
+NEGATIVE = 1e-12  # share of the force scale: a negative amplitude of smaller size counts as rounding of zero
+SUPPORT = 1e-7  # share of the force scale: amplitudes that Clarabel returns for zero are smaller
 
 
-# by step: the edges that may act in it (e,), and the inverse (e, nv) of their directions
+# by step: the edges that may act in it (e,), and the pseudo-inverse (e, nv) of their directions
 Inverses = dict[int, tuple[np.ndarray, np.ndarray]]
 
 
@@ -49,7 +49,7 @@ class Edges:
 
     step: np.ndarray  # step, pair: (E,) contact of each edge
     pair: np.ndarray
-    sign: np.ndarray  # (E,) s_e of its friction
+    sign: np.ndarray  # (E,) sign s_e of friction
     direction: np.ndarray  # (E, nv) B, J_n + s μ J_t
     price: np.ndarray  # (E,) π_e per unit of a_e over the force scale
 
@@ -61,7 +61,7 @@ class Edges:
 
 
 def edges_of(window: ContactWindow, program: Program) -> Edges:
-    """Edges that a program admits on a window, with their prices; gap and slip are priced per scale of the window."""
+    """Edges that a program admits on a window, with prices; gap and slip are relative to the window's scales."""
     step, pair = np.nonzero(window.gap <= REACH)
     step, pair, sign = np.repeat(step, 2), np.repeat(pair, 2), np.tile([1.0, -1.0], len(step))
     gap, v = window.gap[step, pair], window.v_t[step, pair]
@@ -79,12 +79,12 @@ def edges_of(window: ContactWindow, program: Program) -> Edges:
 def solve_mode_qp(
     window: ContactWindow, program: Program = "2.12", *, dynamics_tolerance: float = RESIDUAL_TOLERANCE
 ) -> ProgramResult:
-    """Global minimum of a program on a window; `dynamics_tolerance` as in `result.judged`."""
+    """Solve a program on a window to its global minimum; `dynamics_tolerance` as in `result.judged`."""
     edges = edges_of(window, program)
     free = edges[edges.price == 0.0]
     theta, amplitude, misfit = least_squares(window, free)
     keeps = admissible(window, theta, amplitude)
-    # a solution without price and misfit is optimal; for 2.12 the free least squares is the cost itself
+    # a solution without price and misfit is optimal; for 2.12, the unbounded least squares is the cost itself
     if keeps and (program == "2.12" or misfit <= NEGATIVE):
         claimed, solver, edges = True, "least squares", free
     else:
@@ -100,7 +100,7 @@ def solve_mode_qp(
 
 
 def forces_of(window: ContactWindow, edges: Edges, amplitude: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Contact forces c_n, c_t (m, p) in N of amplitudes (E,) in N."""
+    """Contact forces c_n, c_t (m, p) in N for amplitudes (E,) in N."""
     c_n, c_t = np.zeros(window.gap.shape), np.zeros(window.gap.shape)
     at = (edges.step, edges.pair)
     np.add.at(c_n, at, amplitude)
@@ -109,7 +109,7 @@ def forces_of(window: ContactWindow, edges: Edges, amplitude: np.ndarray) -> tup
 
 
 def least_squares(window: ContactWindow, edges: Edges) -> tuple[np.ndarray, np.ndarray, float]:
-    """min ‖Y Θ − B a − f‖² without bounds: Θ (n_Θ,), a (E,) in N, and the rms misfit over the force scale.
+    """Minimise ‖Y Θ − B a − f‖² without bounds: Θ (n_Θ,), a (E,) in N, and the rms misfit over the force scale.
 
     The forces of a step appear only in its equations.  Projection on the complement of the step's edges leaves a small
     problem in Θ.  For dependent edges the shortest solution is returned.
@@ -139,7 +139,7 @@ def without_forces(window: ContactWindow, edges: Edges) -> tuple[np.ndarray, np.
 
 
 def amplitudes(window: ContactWindow, inverse: Inverses, theta: np.ndarray, n: int) -> np.ndarray:
-    """Amplitudes (n,) in N of the edges that explain best what parameters `theta` leave; the shortest if dependent."""
+    """Amplitudes (n,) in N of the edges that best fit the residual of `theta`; the shortest if edges are dependent."""
     amplitude = np.zeros(n)
     for k, (members, B_inverse) in inverse.items():
         amplitude[members] = B_inverse @ (window.Y[k] @ theta - window.f[k])
@@ -147,13 +147,13 @@ def amplitudes(window: ContactWindow, inverse: Inverses, theta: np.ndarray, n: i
 
 
 def admissible(window: ContactWindow, theta: np.ndarray, amplitude: np.ndarray) -> bool:
-    """Whether all contacts push and all parameters keep their bounds."""
+    """Whether all contacts push and all parameters are within their bounds."""
     slack = NEGATIVE * window.force_scale
     return bool((amplitude >= -slack).all() and (theta >= window.theta_min).all())
 
 
 def parameter_scale(window: ContactWindow) -> np.ndarray:
-    """(n_Θ,) sizes of the parameters whose effect equals the largest known force, to scale solvers' variables to 1."""
+    """Sizes (n_Θ,) of parameters whose effect equals the largest known force, to scale solver variables to 1."""
     largest = np.abs(window.Y).max(axis=(0, 1))
     return window.force_scale / np.where(largest > 0.0, largest, window.force_scale)
 
@@ -192,7 +192,7 @@ def _clarabel(window: ContactWindow, edges: Edges, program: Program) -> tuple[bo
 def dynamics_rows(
     window: ContactWindow, step: np.ndarray, direction: np.ndarray, F: float, T: np.ndarray
 ) -> tuple["csc_matrix", np.ndarray]:
-    """Y Θ − B a = f as sparse rows A (m nv, n_Θ + E) and b (m nv,), in units F of force and T (n_Θ,) of Θ.
+    """Dynamics Y Θ − B a = f as sparse rows A (m nv, n_Θ + E) and b (m nv,), in units F of force and T (n_Θ,) of Θ.
 
     `step` (E,) and `direction` (E, nv) of the forces a.
     """
@@ -209,7 +209,7 @@ def dynamics_rows(
 def _polish(
     window: ContactWindow, edges: Edges, program: Program, theta: np.ndarray, amplitude: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Least squares on the edges in use, kept if admissible and not dearer; corrects the solver's last digits."""
+    """Refine the solver's last digits by least squares on the active edges, if admissible and at no higher cost."""
     if not (np.isfinite(theta).all() and np.isfinite(amplitude).all()):
         return theta, amplitude
     amplitude = np.maximum(amplitude, 0.0)

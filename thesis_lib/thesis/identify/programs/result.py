@@ -1,7 +1,7 @@
-"""Result of an identification program, judged by its residuals and not by the solver's claim.
+"""Result of an identification program; its status is judged by the residuals, not by the solver's claim.
 
 The dynamics residual is rms(Y Θ − J' c − f) over the largest known generalised force F.  Complementarity is the natural
-residual of eq. 2.12 at λ = |v_rel|, known because v_rel is data,
+residual of eq. 2.12 at λ = |v_rel|, which is known because v_rel is data,
 
     max of |min(φ/L, c_n/F)|, |min(λ/V, (μ c_n − |c_t|)/F)|, |min((λ ± v_rel)/V, c_±/F)|,
 
@@ -18,7 +18,7 @@ import numpy as np
 
 from thesis_lib.thesis.identify.base_parameters.window import ContactWindow
 
-# on exact data; SNOPT and IPOPT run with 1e-10 and reach it on scaled variables up to the sums over a window
+# for exact data; SNOPT and IPOPT run with 1e-10, which they reach for scaled variables up to sums over a window
 RESIDUAL_TOLERANCE = 1e-8
 
 
@@ -26,7 +26,7 @@ class SolveStatus(StrEnum):
     """Outcome of a program; only SOLVED counts as success."""
 
     SOLVED = "solved"
-    SOLVER_FAILED = "solver failed"  # the solver reports it, or its numbers are not finite
+    SOLVER_FAILED = "solver failed"  # the solver reports failure, or its results are not finite
     DYNAMICS_VIOLATED = "dynamics violated"  # the forces do not explain the motion
     NOT_COMPLEMENTARY = "not complementary"  # forces at a distance, or against Coulomb's law
 
@@ -37,22 +37,22 @@ class ProgramResult:
 
     solver: str
     status: SolveStatus
-    claimed: bool  # whether the solver reports success; `status` is judged on the residuals
+    claimed: bool  # whether the solver reports success; `status` is judged by the residuals
     theta: np.ndarray  # (n_Θ,) identified parameters
     c_n: np.ndarray  # c_n, c_t: (m, p) contact forces, N
     c_t: np.ndarray
-    dynamics: float  # residual, 1; so is `complementarity`
+    dynamics: float  # dynamics, complementarity: residuals, 1
     complementarity: float
     cost: float  # value of the program's cost, dimensionless
 
     @property
     def solved(self) -> bool:
-        """Whether the residuals confirm the answer."""
+        """Whether the residuals confirm the result."""
         return self.status is SolveStatus.SOLVED
 
 
 def complementarity_residual(window: ContactWindow, c_n: np.ndarray, c_t: np.ndarray) -> float:
-    """Natural residual of all complementarity conditions of a window, dimensionless; see above."""
+    """Natural residual of all complementarity conditions of a window, dimensionless (see the module)."""
     if not c_n.size:
         return 0.0
     F, L, V = window.force_scale, window.gap_scale, window.speed_scale
@@ -77,9 +77,9 @@ def judged(
     *,
     dynamics_tolerance: float = RESIDUAL_TOLERANCE,
 ) -> ProgramResult:
-    """A solver's numbers with the status that their residuals imply.
+    """Make a result from a solver's numbers, with the status that their residuals imply.
 
-    With noisy data the dynamics cannot hold better than the noise: `dynamics_tolerance` is then its size.
+    With noisy data, the dynamics hold only within the noise; set `dynamics_tolerance` to its size.
     """
     if not all(np.isfinite(array).all() for array in (theta, c_n, c_t)):
         status, dynamics, complementarity = SolveStatus.SOLVER_FAILED, float("nan"), float("nan")
@@ -91,7 +91,7 @@ def judged(
         elif not dynamics <= dynamics_tolerance:
             status = SolveStatus.DYNAMICS_VIOLATED
         elif not claimed and not dynamics <= RESIDUAL_TOLERANCE:
-            # with exact dynamics and complementarity the cost is at its lower bound, whatever the solver reports
+            # with exact dynamics and complementarity, the cost is at its lower bound, whatever the solver reports
             status = SolveStatus.SOLVER_FAILED
         else:
             status = SolveStatus.SOLVED

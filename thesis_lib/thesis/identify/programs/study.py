@@ -1,13 +1,13 @@
-"""Success of the identification programs on noise-free windows from random starts (thesis sections 2.3.2 and 2.4).
+"""Success rates of the identification programs on noise-free windows, from random starts (thesis 2.3.2 and 2.4).
 
 For each program, mechanism and window length (`n_steps`), windows around the first impact of several simulated motions
-are identified from random starts (`nonlinear.ContactProgram.random_point`).  A start succeeds when its residuals are
+are identified from random starts (`nonlinear.ContactProgram.random_point`).  A start succeeds if its residuals are
 below tolerance and
 
     |Θ_j/Θ_j,true − 1| <= 1e-6 for every parameter,        ‖c − c_true‖ <= 1e-6 ‖c_true‖ over the window,
 
-whatever the solver reports; `n_false_claims` counts successes that only the solver reports.  Block, ellipse and wheel
-have known mass, and I (hence m/I) is unknown; arm and disk are driven by known torques, and all base parameters are
+independently of the solver's report; `n_false_claims` counts false reports of success.  Block, ellipse and wheel
+have known mass and unknown I (hence m/I); arm and disk are driven by known torques, and all their base parameters are
 unknown.
 """
 
@@ -32,15 +32,15 @@ from thesis_lib.thesis.identify.programs.nonlinear import ContactProgram, Produc
 from thesis_lib.thesis.identify.programs.result import ProgramResult
 from thesis_lib.thesis.identify.settings import Mechanism, Programs
 
-SUCCESS = 1e-6  # of parameters and forces, relative
-# with 0.4 the disk hardly ever slides on the ground, and rolling shows only the sum m + I/R² of its parameters
+SUCCESS = 1e-6  # largest relative error of parameters and forces
+# with 0.4 the disk hardly ever slides on the ground, and rolling depends only on the sum m + I/R² of its parameters
 ARM_MU = 0.2
 ARM_BODIES = ("link_1", "link_2", "disk")
 
 
 @dataclass(frozen=True)
 class TrueWindow:
-    """A window with its truth: `theta` (n_Θ,), `c_n` and `c_t` (m, p) in N."""
+    """A window with its true values: `theta` (n_Θ,), `c_n` and `c_t` (m, p) in N."""
 
     window: ContactWindow
     theta: np.ndarray
@@ -60,16 +60,16 @@ class TrueWindow:
 def cases(
     kind: str, n_steps: int, n: int, rng: np.random.Generator, settings: Chapter2Bodies = DEFAULT
 ) -> list[TrueWindow]:
-    """n noise-free identifiable windows of n_steps around the first impact of simulated motions.
+    """Simulate motions and return n noise-free, identifiable windows of n_steps around the first impact.
 
     `kind` is "block", "ellipse", "wheel" or "arm_disk".
 
     Raises:
-        UserError: there is no such kind, or hardly any window of that length identifies its parameters.
+        UserError: the kind is unknown, or hardly any window of that length identifies its parameters.
     """
     kinds = get_args(Mechanism)
     if kind not in kinds:
-        raise UserError(f"there are windows of {', '.join(kinds)}; got {kind!r}")
+        raise UserError(f"windows are available for {', '.join(kinds)}; got {kind!r}")
     if kind == "arm_disk":
         arm = settings.arm.model_copy(update={"mu": ARM_MU, "steps": max(settings.arm.steps, n_steps)})
         settings = settings.model_copy(update={"arm": arm})
@@ -82,7 +82,7 @@ def cases(
         if not (record.solved and len(contact)):
             continue
         motion = _whole(kind, record, settings)
-        # around the first impact; for the arm, any window with contact, since a short one seldom determines everything
+        # around the first impact; for the arm, any window with contact: few short windows determine all parameters
         middles = contact[:: max(n_steps // 4, 1)] if kind == "arm_disk" else contact[:1]
         for middle in middles:
             start = int(np.clip(middle - n_steps // 2, 0, record.steps - n_steps))
@@ -111,7 +111,7 @@ def _motions(kind: str, n_steps: int, rng: np.random.Generator, settings: Chapte
 
 
 def _whole(kind: str, record: SimulatedMotion, settings: Chapter2Bodies) -> TrueWindow:
-    """The whole motion as one case to cut windows from."""
+    """Case of the whole motion, from which windows are cut."""
     if kind == "arm_disk":
         window, theta = _arm_window(record, settings)
         return TrueWindow(window, theta, record.c_n, record.c_t)
@@ -122,7 +122,7 @@ def _whole(kind: str, record: SimulatedMotion, settings: Chapter2Bodies) -> True
 
 
 def _arm_window(record: SimulatedMotion, settings: Chapter2Bodies) -> tuple[ContactWindow, np.ndarray]:
-    """Arm and disk in the base parameters of the motion, and their true values."""
+    """Window of arm and disk in the base parameters of the motion, and their true values."""
     arm = arm_disk(settings)
     regressor = PlantRegressor(arm.plant, ARM_BODIES)
     Y = regressor(record.q[:-1], record.v[:-1], np.diff(record.v, axis=0) / record.h)
@@ -130,7 +130,7 @@ def _arm_window(record: SimulatedMotion, settings: Chapter2Bodies) -> tuple[Cont
     for mass, com, inertia in zip(arm.link_masses, arm.link_coms, arm.link_inertias):
         truth += [mass, *(mass * com), inertia + mass * (com @ com)]
     truth += [arm.disk_mass, 0.0, 0.0, arm.disk_inertia]
-    # that centres of mass lie on the link's axis and in the disk's centre is known
+    # centres of mass are known to lie on the link's axis and in the disk's centre
     used = [i for i, value in enumerate(truth) if value != 0.0]
     names = [regressor.names[i] for i in used]
     base = base_parameters(Y[:, :, used], names)
@@ -170,13 +170,13 @@ MAIN = ("qp", "2.14", "2.14 ipopt")
 def study(
     what: ProgramRun, kind: str, windows: Sequence[TrueWindow], starts: int, rng: np.random.Generator
 ) -> dict[str, float | str]:
-    """A row of the table: successes, errors and CPU seconds of a program over windows and starts."""
+    """Row of the table: successes, errors and CPU seconds of a program over windows and starts."""
     runs = []
     for case in windows:
         begin = time.process_time()
         for result in _answers(what, case.window, starts, rng):
             cpu_s = time.process_time() - begin
-            errors = np.nan_to_num(case.errors(result), nan=np.inf)  # no answer: infinitely wrong
+            errors = np.nan_to_num(case.errors(result), nan=np.inf)  # without a result, errors count as infinite
             success = result.solved and bool((errors <= SUCCESS).all())
             runs.append((result.solved, success, result.claimed, result.claimed and not success, *errors, cpu_s))
             begin = time.process_time()
@@ -206,9 +206,9 @@ def _answers(what: ProgramRun, window: ContactWindow, starts: int, rng: np.rando
 
 
 def programs_table(settings: Programs, rng: np.random.Generator, bodies: Chapter2Bodies = DEFAULT) -> pd.DataFrame:
-    """A row of `study` for every program, mechanism and window length, on the same windows within a length.
+    """Table of `study` for every program, mechanism and window length; the windows of one length are the same.
 
-    CPU seconds differ from run to run and are left to `python -m benchmarks.programs`.
+    CPU seconds differ between runs and are left to `python -m benchmarks.programs`.
     """
     others = [name for name in STUDIES if name not in MAIN]
     rows, stream = [], streams(rng)

@@ -2,26 +2,26 @@
 
 Mass, geometry, slope and contact law are known, as in the thesis; the inertia about the hub may be unknown.
 
-`plain_forces` is the thesis's method: the samples are the truth.  Gaps and sliding velocities within `TOLERANCE`
+`plain_forces` is the thesis's method, which takes the samples as true.  Gaps and sliding velocities within `TOLERANCE`
 standard deviations of zero count as zero, and eq. 2.12 is then a quadratic program in (I, c) (`mode_qp`).
 
-`fit_wheel` takes the samples as those of a rolling wheel with noise.  Three numbers describe a wheel on a spoke without
+`fit_wheel` models the samples as a rolling wheel plus noise.  Three numbers describe a wheel on a spoke without
 slip at the start; the time stepper predicts all samples, the sequence of spokes and the forces:
 
     η = (x_0, θ_0, ω_0, log I / (m l²)),    min_η Σ_k |(q_k - q_k(η)) / σ_q|² + |(v_k - v_k(η)) / σ_v|²
 
-The minimum is continuous in η, because a dead impact takes two steps that share its impulse (see `stepping`).  The
-start is blind: a parabola through the first samples, with every inertia of `INERTIAS`, first on a short stretch.  If
-that fit is rejected, the best of a grid of angles, speeds and inertias are tried.  A window must not begin within a
-touchdown.
+The cost is continuous in η: an impact without rebound takes two steps that share its impulse (see `stepping`).  No
+initial guess is needed: the start is a parabola through the first samples, with every inertia of `INERTIAS`, first on a
+short stretch.  If that fit is rejected, the best points of a grid of angles, speeds and inertias are tried.  A window
+must not begin within a touchdown.
 
 σ is estimated, first from third differences d = Δ³ of each channel, σ = median |d| / (0.6745 √20), which are
-insensitive to the smooth motion and the few impacts, then from the residuals r of the fit.  Two tests accept or reject
-the fit: χ²/n of the residuals with the σ of the differences, and their whiteness (Ljung and Box),
+insensitive to the smooth motion and the few impacts; then from the residuals r of the fit.  Two tests accept or reject
+the fit: χ²/n of the residuals with σ from the differences, and their whiteness (Ljung and Box),
 
     Q = Σ_channels n (n + 2) Σ_{j=1..L} ρ_j² / (n - j)   ~  χ²(6 L),   ρ_j the autocorrelation of r at lag j.
 
-The standard errors of the forces are those of η, carried through the time stepper at sigma points: with P = S S',
+Standard errors of the forces are those of η, propagated through the time stepper at sigma points: with P = S S',
 
     var F = Σ_i [(F(η + S_i) - F(η))² + (F(η - S_i) - F(η))²] / 2.
 
@@ -45,24 +45,24 @@ from thesis_lib.thesis.identify.programs.result import ProgramResult
 from thesis_lib.thesis.identify.segmentation import check_states, floored
 
 TOLERANCE = 3.0  # standard deviations within which a gap or a sliding velocity counts as zero
-# starting values of I / (m l²): the whole range for a wheel with its mass inside the tips
+# starting values of I / (m l²), over the whole range for a wheel with all mass within the tips
 INERTIAS = (0.1, 0.3, 0.9)
-FIRST_SAMPLES = 10  # for the start's parabola: a tenth of the time on one spoke
+FIRST_SAMPLES = 10  # samples for the parabola at the start: a tenth of the time on one spoke
 INERTIA_RANGE = (1e-3, 1e3)  # I / (m l²) beyond which the motion no longer changes
-KEPT = 2  # starts of the grid that are fitted
-STRETCH = 100  # steps of the first stage, one change of spoke: fits that start far off stay near the data
+KEPT = 2  # number of grid points from which fits are started
+STRETCH = 100  # steps of the first stage, with one change of spoke, which keeps fits with bad starts near the data
 MIN_SAMPLES = 20  # fewer give too few differences to estimate the noise
-LAGS = 5  # autocorrelations tested; model error persists in the residuals for tens of samples
+LAGS = 5  # number of autocorrelations tested; model errors persist in the residuals for tens of samples
 P_WHITE = 1e-4  # probability of a larger Q below which a fit is rejected
 CHI2_SIGMAS = 5.0  # standard deviations by which χ²/n may exceed 1
 _ROOT_20 = np.sqrt(20.0)  # norm of (1, -3, 3, -1)
 
 
 class WheelStatus(StrEnum):
-    """Outcome for a record; use only OK."""
+    """Outcome of the fit to a record; use only OK."""
 
     OK = "ok"
-    MISFIT = "misfit"  # the residuals are larger than the noise, or not white: it did not roll like this
+    MISFIT = "misfit"  # the residuals are larger than the noise, or not white: the wheel did not roll as fitted
     NOT_CONVERGED = "not converged"
 
 
@@ -75,17 +75,17 @@ class WheelFit:
     inertia_std: float
     sigma: np.ndarray  # (2, 3) noise σ of q and v in m, rad and per s, from the residuals
     deviations: np.ndarray  # (8, 2, m, p) c_n and c_t at the sigma points minus the estimate, N
-    chi2_n: float  # χ²/n of the residuals with the noise of the differences
-    p_white: float  # probability of residuals less white than these, if the wheel rolled as fitted
+    chi2_n: float  # χ²/n of the residuals with noise from differences
+    p_white: float  # probability of less white residuals if the wheel rolled as fitted
     status: WheelStatus
 
     @property
     def std_n(self) -> np.ndarray:
-        """(m, p) standard errors of the normal forces in N."""
+        """Standard errors (m, p) of the normal forces in N."""
         return _std(self.deviations[:, 0])
 
     def impulse_std(self, steps: slice, pair: int) -> tuple[float, float]:
-        """Standard errors in N s of the normal and tangential impulse of a pair summed over some steps."""
+        """Standard errors in N s of the normal and tangential impulse of a pair over `steps`."""
         n, t = _std(self.record.h * self.deviations[:, :, steps, pair].sum(axis=2))
         return float(n), float(t)
 
@@ -95,7 +95,7 @@ def _std(deviations: np.ndarray) -> np.ndarray:
 
 
 def noise_of_third_differences(q: np.ndarray, v: np.ndarray) -> np.ndarray:
-    """Standard deviations (2, 3) of the noise of q and v, (m+1, 3) each, for a smooth motion with a few impacts."""
+    """Noise σ (2, 3) of q and v, (m+1, 3) each, for a smooth motion with a few impacts."""
     third = [robust_std(np.diff(a, n=3, axis=0)) / _ROOT_20 for a in (q, v)]
     return floored(np.stack(third), q, v)
 
@@ -103,7 +103,7 @@ def noise_of_third_differences(q: np.ndarray, v: np.ndarray) -> np.ndarray:
 def plain_forces(
     wheel: RimlessWheel, h: float, q: np.ndarray, v: np.ndarray, mu: float, sigma: np.ndarray | None = None
 ) -> ProgramResult:
-    """Forces and inertia with the samples taken as the truth (thesis eq. 2.12).
+    """Forces and inertia by the thesis's program (eq. 2.12), with the samples taken as true.
 
     The inertia of `wheel` is not used; `h` in s; `q`, `v` (m+1, 3) are states, whose noise `sigma` (2, 3) sets the
     tolerances (None: exact data).
@@ -115,7 +115,7 @@ def plain_forces(
     states = States.of(wheel, h, q, v, np.zeros((len(q) - 1, 3)))
     if sigma is None:
         return solve_mode_qp(free_body_window(states, mu, wheel).fix({"m": wheel.mass}))
-    # gap y + r_y and velocity v_x - r_y ω of a tip within half a spoke's angle of the foot point
+    # gap y + r_y and velocity v_x - r_y ω of a tip within half the angle between spokes from the foot point
     reach = wheel.length * np.sin(np.pi / wheel.spokes)
     gap = TOLERANCE * float(np.hypot(sigma[0, 1], reach * sigma[0, 2]))
     slip = TOLERANCE * float(np.hypot(sigma[1, 0], wheel.length * sigma[1, 2]))
@@ -127,7 +127,7 @@ def plain_forces(
 
 
 def fit_wheel(wheel: RimlessWheel, h: float, q: np.ndarray, v: np.ndarray, mu: float, epsilon: float = 0.0) -> WheelFit:
-    """Motion, inertia and contact forces of a wheel on a spoke without slip at the first sample.
+    """Fit motion, inertia and contact forces of a wheel that stands on a spoke without slip at the first sample.
 
     The inertia of `wheel` is not used; `h` in s; `q`, `v` (m+1, 3) are noisy states.  `mu` does not matter as long as
     nothing slips.
@@ -170,24 +170,24 @@ def fit_wheel(wheel: RimlessWheel, h: float, q: np.ndarray, v: np.ndarray, mu: f
 
 
 def _stages(fit: "_Fit", starts: list[np.ndarray], sigma: np.ndarray, stage: int) -> tuple[object, float, float]:
-    """Best fit from the starts over the first steps, then over all: scipy's result, its χ²/n and its whiteness."""
+    """Fit from the starts over the first steps, then over all: scipy's result, its χ²/n and its whiteness."""
     first = min((fit.minimise(eta, sigma, stage) for eta in starts), key=lambda found: found.cost)
     best = fit.minimise(first.x, sigma, len(fit.q) - 1)
     return best, float(np.mean(best.fun**2)), white(best.fun.reshape(2, -1, 3))
 
 
 def _believed(chi2_n: float, p_white: float, n: int) -> bool:
-    # σ from the median of n differences spreads by 1.7 / √n (their correlation included), its square by twice that
+    # relative standard error of σ from the median of n differences: 1.7 / √n with their correlation; of σ²: twice that
     return chi2_n <= 1.0 + CHI2_SIGMAS * 2.0 * 1.7 / np.sqrt(6.0 * n) and p_white >= P_WHITE
 
 
 def noise_of_residuals(residuals: np.ndarray, parameters: int) -> np.ndarray:
-    """σ (2, 3) of the channels of residuals (2, n, 3), which share the `parameters` that were fitted to all of them."""
+    """Noise σ (2, 3) from residuals (2, n, 3), whose channels share the number `parameters` of fitted parameters."""
     return np.sqrt(np.sum(residuals**2, axis=1) / (residuals.shape[1] - parameters / 6.0))
 
 
 def white(residuals: np.ndarray) -> float:
-    """Probability of a larger Q of Ljung and Box, pooled over the channels of residuals (2, n, 3)."""
+    """Probability of a larger Q (Ljung and Box) if the residuals (2, n, 3) are white, pooled over channels."""
     channels = np.moveaxis(residuals, 1, 0).reshape(residuals.shape[1], -1)
     n, count = channels.shape
     power = np.sum(channels**2, axis=0)
@@ -199,20 +199,20 @@ def white(residuals: np.ndarray) -> float:
 
 
 class _Fit:
-    """Least squares of one record; η as in the module's head."""
+    """Least-squares problem of one record; η as in the module's docstring."""
 
     def __init__(self, wheel: RimlessWheel, h: float, q: np.ndarray, v: np.ndarray, mu: float, epsilon: float) -> None:
         self.wheel, self.h, self.q, self.v, self.mu, self.epsilon = wheel, h, q, v, mu, epsilon
         self.half = np.pi / wheel.spokes
 
     def start(self) -> np.ndarray:
-        """x_0, θ_0, ω_0 from the first samples."""
+        """Estimate x_0, θ_0, ω_0 from the first samples."""
         t = self.h * np.arange(FIRST_SAMPLES)
         at = np.polynomial.polynomial.polyfit(t, self.q[:FIRST_SAMPLES], 2)[0]
         return np.array([at[0], at[2], self.v[:FIRST_SAMPLES, 2].mean()])
 
     def around(self, start: np.ndarray, sigma: np.ndarray, steps: int) -> list[np.ndarray]:
-        """The `KEPT` best η, by χ² over the first steps, on a grid of angles, speeds and inertias about a start."""
+        """Find the `KEPT` best η, by χ² over the first steps, on a grid of angles, speeds and inertias near a start."""
         angles = start[1] + self.half * np.linspace(-1.0, 1.0, 7)
         speeds = start[2] * np.linspace(0.7, 1.3, 3)
         grid = [
@@ -225,7 +225,7 @@ class _Fit:
         return [grid[i] for i in np.argsort(costs)[:KEPT]]
 
     def motion(self, eta: np.ndarray, steps: int) -> SimulatedMotion:
-        """The motion from η, starting on the spoke nearest to the downward direction."""
+        """Simulate the motion from η, starting on the spoke nearest to the downward direction."""
         w = self.wheel
         inertia = w.mass * w.length**2 * float(np.exp(eta[3]))
         made = RimlessWheel(w.spokes, w.length, w.mass, inertia, w.slope, w.g)
@@ -236,13 +236,13 @@ class _Fit:
         return simulate(made, [eta[0], q[1], eta[1]], v, None, self.h, steps, self.mu, self.epsilon)
 
     def residuals(self, eta: np.ndarray, sigma: np.ndarray, steps: int) -> np.ndarray:
-        """(6 (steps+1),) predicted minus measured samples over σ, q before v."""
+        """Predicted minus measured samples over σ, (6 (steps+1),), q before v."""
         record = self.motion(eta, steps)
         pairs = ((record.q, self.q, sigma[0]), (record.v, self.v, sigma[1]))
         return np.concatenate([((a - b[: steps + 1]) / s).ravel() for a, b, s in pairs])
 
     def minimise(self, eta: np.ndarray, sigma: np.ndarray, steps: int) -> object:
-        """scipy's result from start η over the first steps."""
+        """Minimise from start η over the first steps; return scipy's result."""
         from scipy.optimize import least_squares
 
         low, high = np.full(4, -np.inf), np.full(4, np.inf)
@@ -254,7 +254,7 @@ class _Fit:
         )
 
     def deviations(self, eta: np.ndarray, covariance: np.ndarray, record: SimulatedMotion) -> np.ndarray:
-        """(8, 2, m, p) forces c_n, c_t at the sigma points minus those of the record at η."""
+        """Forces c_n, c_t at the sigma points minus the forces of the record at η, (8, 2, m, p)."""
         root = np.linalg.cholesky(covariance).T
         points = [self.motion(point, record.steps) for point in np.concatenate([eta + root, eta - root])]
         return np.stack([[p.c_n - record.c_n, p.c_t - record.c_t] for p in points])

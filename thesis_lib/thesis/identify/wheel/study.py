@@ -1,13 +1,13 @@
-"""Accuracy of a rolling rimless wheel's contact forces, and its mass's effect on the motion (figures 2-10, 2-11).
+"""Accuracy of contact forces of a rolling rimless wheel, and effect of its mass on the motion (figures 2-10, 2-11).
 
-Each record is one start of the wheel that the estimators assume, of unknown inertia, identified by three methods:
+Each record is a motion of the wheel from one start, identified by three methods with unknown inertia:
 
 - noise_free: eq. 2.12 on the exact states (`forces.plain_forces`)
-- plain: the same on noisy states, with tolerances from the true noise level
-- fit: maximum likelihood on the same noisy states, noise level estimated (`forces.fit_wheel`)
+- plain: the same program on noisy states, with tolerances from the true noise level
+- fit: maximum likelihood on the same noisy states, with estimated noise level (`forces.fit_wheel`)
 
-A spoke's touchdown is an impact of two steps, whose forces are 30 times those of the rolling.  It is excluded with a
-step of margin on either side, and judged by its impulse.  With K the other steps and D those of the touchdown,
+The touchdown of a spoke is an impact of two steps, with forces 30 times larger than in rolling.  It is excluded with a
+margin of one step on either side, and assessed by its impulse.  With K the other steps and D those of the touchdown,
 
     error = √(Σ_K (ĉ - c)² / Σ_K c²),    impulse_error = |Σ_D (ĉ - c)| / |Σ_D c|        for c_n and c_t of a spoke,
 
@@ -29,15 +29,15 @@ from thesis_lib.thesis.identify.wheel.forces import WheelFit, fit_wheel, plain_f
 
 METHODS = ("noise_free", "plain", "fit")
 BELIEVED = ("ok", "solved")  # statuses of a fit and of a program
-SPOKES = 3  # the first to touch, as in figure 2-11
-# steps k - BEFORE .. k + AFTER - 1 of a touchdown in step k: its two and one on either side
+SPOKES = 3  # number of spokes, the first to touch, as in figure 2-11
+# a touchdown in step k has steps k - BEFORE .. k + AFTER - 1: its two steps, and one on either side
 BEFORE, AFTER = 1, 3
 ERRORS = ("error_n", "error_t", "impulse_error_n", "impulse_error_t")
 
 
 @dataclass(frozen=True)
 class WheelForces:
-    """Forces of successive spokes by every method, on one record."""
+    """Forces of successive spokes of one record by every method."""
 
     truth: SimulatedMotion  # the simulated motion
     pairs: tuple[int, ...]  # (≤ 3,) contact pairs in the order in which they touch
@@ -45,7 +45,7 @@ class WheelForces:
     c_t: dict[str, np.ndarray]
     status: dict[str, str]  # method -> outcome
     inertia: dict[str, float]  # method -> kg m²
-    fit: WheelFit  # the fit with its standard errors
+    fit: WheelFit  # maximum-likelihood fit with standard errors
 
 
 def touched_pairs(c_n: np.ndarray, count: int = SPOKES) -> tuple[int, ...]:
@@ -62,7 +62,7 @@ def touchdown(c_n: np.ndarray, pair: int) -> slice | None:
 
 
 def rolling_steps(c_n: np.ndarray) -> np.ndarray:
-    """(m,) steps in which no spoke touches down."""
+    """Mask (m,) of the steps in which no spoke touches down."""
     rolling = np.ones(len(c_n), dtype=bool)
     for pair in touched_pairs(c_n, c_n.shape[1]):
         impact = touchdown(c_n, pair)
@@ -74,10 +74,10 @@ def rolling_steps(c_n: np.ndarray) -> np.ndarray:
 def identify(
     q: np.ndarray, v: np.ndarray, settings: WheelStudy, bodies: Chapter2Bodies, rng: np.random.Generator
 ) -> WheelForces:
-    """Forces of the chapter's wheel from one start (3,), (3,) by every method.
+    """Simulate the chapter's wheel from a start q, v, (3,) each, and identify its forces by every method.
 
     Raises:
-        UserError: the record holds a step that was not solved.
+        UserError: the simulation did not solve a step.
     """
     made, w, h = wheel(bodies), bodies.wheel, bodies.h
     truth = simulate(made, q, v, None, h, settings.steps, w.mu, w.epsilon)
@@ -97,7 +97,7 @@ def identify(
 
 
 def force_errors(forces: WheelForces, method: str, pair: int) -> dict[str, float]:
-    """`ERRORS` of one spoke; those of the impulse are NaN without a touchdown."""
+    """Values of `ERRORS` for one spoke; the errors of the impulse are NaN without a touchdown."""
     true_n = forces.truth.c_n
     rolling, impact = rolling_steps(true_n), touchdown(true_n, pair)
     out = {}
@@ -112,13 +112,13 @@ def force_errors(forces: WheelForces, method: str, pair: int) -> dict[str, float
 
 
 def example_forces(rng: np.random.Generator, settings: WheelStudy, bodies: Chapter2Bodies) -> WheelForces:
-    """The record of figure 2-11: one start of the chapter's wheel, identified by every method."""
+    """Record of figure 2-11: the chapter's wheel from one start, identified by every method."""
     (q,), (v,) = releases("wheel", 1, rng, bodies)
     return identify(q, v, settings, bodies, rng)
 
 
 def wheel_force_study(n: int, rng: np.random.Generator, settings: WheelStudy, bodies: Chapter2Bodies) -> pd.DataFrame:
-    """n starts of the wheel, a row per record, spoke and method; columns as in `columns.yaml`."""
+    """Table for n starts of the wheel, a row per record, spoke and method; columns as in `columns.yaml`."""
     made, rows = wheel(bodies), []
     for i, (q, v) in enumerate(zip(*releases("wheel", n, rng, bodies))):
         forces = identify(q, v, settings, bodies, rng)
@@ -148,7 +148,7 @@ def wheel_force_study(n: int, rng: np.random.Generator, settings: WheelStudy, bo
 
 
 def wheel_force_table(rows: pd.DataFrame) -> pd.DataFrame:
-    """Median and 90 % of the errors over the accepted records, a row per method and spoke."""
+    """Table of the median and 90 % quantile of errors over accepted records, a row per method and spoke."""
     table = []
     rows = rows.assign(method=pd.Categorical(rows["method"], METHODS))
     for (method, order), group in rows.groupby(["method", "order"], observed=True):
@@ -162,9 +162,9 @@ def wheel_force_table(rows: pd.DataFrame) -> pd.DataFrame:
 
 
 def motion_by_mass(settings: WheelStudy, bodies: Chapter2Bodies) -> pd.DataFrame:
-    """Angle and angular velocity of the wheel for several masses at the same inertia (figure 2-10).
+    """Simulate angle and angular velocity of the wheel for several masses at the same inertia (figure 2-10).
 
-    Only m l² / I changes the motion.
+    The motion depends on the mass only through m l² / I.
 
     Returns:
         Columns mass (kg), t (s), theta (rad), omega (rad/s), a row per mass and step.
@@ -186,11 +186,11 @@ def motion_by_mass(settings: WheelStudy, bodies: Chapter2Bodies) -> pd.DataFrame
 
 
 def mass_summary(settings: WheelStudy, bodies: Chapter2Bodies) -> pd.DataFrame:
-    """By how much the mass changes the motion (`motion_by_mass`), and how far the simulation is from exact.
+    """Effect of the mass on the motion (`motion_by_mass`), and discretisation error of the simulation.
 
     Returns:
-        A row for the high and the low friction of figure 2-9 c: friction; apart (rad), the largest difference of two
-        angles at the end; step_error (rad), by how much half the step changes that of one mass at most.
+        A row each for the high and low friction of figure 2-9 c: friction; apart (rad), the largest difference of two
+        final angles; step_error (rad), the largest change of a final angle if the step is halved.
 
     Raises:
         UserError: a motion could not be simulated.

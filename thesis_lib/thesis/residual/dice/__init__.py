@@ -1,1 +1,1 @@
-"""The study of thrown dice (thesis 4.4)."""
+"""Study of thrown dice (thesis 4.4)."""

@@ -1,18 +1,18 @@
-"""Where thrown dice lose their face: throws restarted at each measured contact, and two estimates without a model.
+"""Error budget of thrown dice: throws restarted at each measured contact, and two model-free estimates.
 
-Contact model: held-out throws go on from the measured state before their contact k (0: the release) to rest, without
-uncertainty.  Where the error falls from k to k + 1, contact k cost it.  Not every throw has contact k, so each row also
-tells the error from the release of the same throws.
+Contact model: held-out throws are continued from the measured state before their contact k (0: the release) to rest,
+without uncertainty.  A fall of the error from k to k + 1 is due to contact k.  Not every throw has contact k, so each
+row also has the error from the release of the same throws.
 
-Without a model, from a state at the first touch (velocity, spin, and the angle from the nearest side; where along the
-surface does not count), with every throw also as its mirror image:
+Without a model, from the state at the first touch (velocity, spin, and angle from the nearest side, but not the place
+along the surface), with the mirror image of every throw included:
 
     nearest   mean displacement, and most frequent number of quarter turns, of the K nearest training throws
-    pairs     difference of two throws, over √2, of the 50 pairs of all throws that start most alike; faces: the share
-              of them that make equally many quarter turns
+    pairs     difference of two throws, over √2, of the 50 pairs of all throws with the most similar starts; faces: the
+              share of pairs with equally many quarter turns
 
-Two throws that start alike differ by chance, by the noise of their starts and by the distance between these.  So what
-noise and chance cost any prediction from the first touch is at most `pairs`.
+Two throws with similar starts differ by chance, by the noise of their starts and by the distance between these.  The
+error that noise and chance cause in any prediction from the first touch is therefore at most `pairs`.
 """
 
 from collections.abc import Sequence
@@ -30,8 +30,8 @@ from thesis_lib.thesis.residual.dice.settings import DiceStudySettings
 from thesis_lib.thesis.residual.dice.tables import spread
 
 CONTACTS = 6  # restarts before contacts 0 to 5
-NEIGHBOURS = (3, 5, 10, 20, 40)  # tried on training throws
-ALIKE = 50  # pairs; of 500 throws these start a quarter of a standard deviation apart
+NEIGHBOURS = (3, 5, 10, 20, 40)  # numbers tried on training throws
+ALIKE = 50  # number of pairs; of 500 throws these start a quarter of a standard deviation apart
 QUARTER = 0.5 * np.pi
 
 
@@ -44,9 +44,9 @@ def budget(
     settings: DiceStudySettings,
     rng: np.random.Generator,
 ) -> pd.DataFrame:
-    """A row per model and contact: throws, std and median_abs (sides), face_right, and the same `_start`.
+    """Table per model and contact: throws, std, median_abs (sides), face_right; std_start, face_start from release.
 
-    `contacts` are those of the held-out throws; `side` in m.  `std_error` and `face_error` are standard errors from a
+    `contacts` belong to the held-out throws; `side` in m.  `std_error` and `face_error` are standard errors from a
     bootstrap over throws.
     """
     stream, rows = streams(rng), []
@@ -92,7 +92,7 @@ def _touches(model: DiceModel, releases: ThrowReleases, side: float) -> tuple[np
     askew = q[:, 2] - QUARTER * before
     turns = np.round(releases.end[:, 2] / QUARTER) - before
     displacement = (releases.end[:, 0] - q[:, 0]) / side
-    # the angle from a side is a circle: an edge that points down is reached from both
+    # the angle from a side is periodic: an edge that points down is reached from both sides
     features = [v[:, 0], v[:, 1], model.k_g * v[:, 2], np.sin(4.0 * askew) / 4.0, np.cos(4.0 * askew) / 4.0]
     return np.stack(features, axis=1), np.stack([displacement, turns], axis=1)
 
@@ -109,7 +109,7 @@ def _nearest(
     known, outcomes = _with_mirrored(*_touches(model, training, side))
     scale = known.std(axis=0)
     search = NearestNeighbors().fit(known / scale)
-    # neither the throw itself nor its image tells anything of it
+    # the throw itself and its mirror image must not predict it
     most = min(max(NEIGHBOURS), 2 * n - 2)
     _, order = search.kneighbors(known[:n] / scale, most + 2)
     others = np.array([row[row % n != i][:most] for i, row in enumerate(order)])
@@ -130,7 +130,7 @@ def _pairs(model: DiceModel, parts: Sequence[ThrowReleases], side: float) -> tup
     known, both = _with_mirrored(features, outcomes)
     first, second = np.triu_indices(2 * n, 1)
     away = pdist(known / known.std(axis=0))
-    # each pair once, and no throw with its own image
+    # each pair once, and no throw with its own mirror image
     distinct = (first < n) & (first % n < second % n)
     first, second, away = first[distinct], second[distinct], away[distinct]
     alike = np.argsort(away, kind="stable")[:ALIKE]

@@ -1,4 +1,4 @@
-"""Recorded throws of a die: state before the first contact, contacts between flights, and pose at rest.
+"""States from recorded throws of a die: before the first contact, around contacts between flights, and at rest.
 
 Between contacts a pose is a parabola in time.  Its acceleration is nearly known and enters as a measurement:
 
@@ -6,8 +6,8 @@ Between contacts a pose is a parabola in time.  Its acceleration is nearly known
 
     noise: white of one sigma σ √((1 + ρ)/(1 − ρ)), σ and the lag-one correlation ρ pooled over all first flights
 
-A contact reaches from the last sample of one flight to an early sample of the next.  Hits with fewer than `fewest`
-samples between them are one contact: the camera cannot resolve them, and the two flights need no assumption about them.
+A contact extends from the last sample of one flight to an early sample of the next.  Hits with fewer than `fewest`
+samples between them are one contact: the camera cannot resolve them, and no assumption about them is needed.
 
 A throw is at rest if it moves by less than `still` over its last samples.  Throws without a pose at rest, or without a
 usable first flight, are left out and counted.
@@ -24,14 +24,14 @@ from thesis_lib.datasets.format.dataset import Dataset
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.thesis.residual.dice.settings import DiceDataSettings
 
-ROBUST = 4.0  # standard deviations beyond which a sample counts as lost
+ROBUST = 4.0  # standard deviations beyond which a sample counts as an outlier
 MAD_TO_STD = 1.4826  # four digits, unlike statistics.spread: dice are chaotic, more would change the stored throws
 FINEST = 1e-9  # m, rad; simulated poses may have no noise
 
 
 @dataclass(frozen=True)
 class ByTrial:
-    """Arrays with a row for each of n measurements; `trial` (n,) is the throw of each."""
+    """Arrays with a row for each of n measurements; `trial` (n,) is the number of its throw."""
 
     trial: np.ndarray
 
@@ -39,7 +39,7 @@ class ByTrial:
         return len(self.trial)
 
     def select(self, rows: np.ndarray) -> Self:
-        """The measurements of a mask or of indices."""
+        """Return the measurements at `rows` (mask or indices)."""
         names = [item.name for item in fields(self) if item.name not in ("left_out", "sigma")]
         return replace(self, **{name: getattr(self, name)[rows] for name in names})
 
@@ -52,13 +52,13 @@ class ThrowReleases(ByTrial):
     v: np.ndarray
     cov: np.ndarray  # (n, 6, 6) of (q, v)
     end: np.ndarray  # (n, 3) pose at rest
-    left_out: dict[str, int]  # number of the other throws by reason
+    left_out: dict[str, int]  # number of throws left out, by reason
     sigma: np.ndarray  # (3,) noise of x, y (m) and θ (rad), correlation included
 
 
 @dataclass(frozen=True)
 class MeasuredContacts(ByTrial):
-    """Contacts: states before and after (n, 3), `span` apart; `first` marks the first contact of a throw."""
+    """Measured contacts: states before and after (n, 3), `span` apart; `first` marks the first contact of a throw."""
 
     first: np.ndarray
     q: np.ndarray
@@ -66,19 +66,19 @@ class MeasuredContacts(ByTrial):
     q_after: np.ndarray
     v_after: np.ndarray
     span: np.ndarray  # s
-    last_hit: np.ndarray  # s from the state before to the last hit that was detected before the flight after
+    last_hit: np.ndarray  # s from the state before to the last hit that was detected before the next flight
 
 
 @dataclass(frozen=True)
 class LongFlights(ByTrial):
-    """Long flights: change of pose and velocity (n, 3) between an early and the last sample."""
+    """Long flights: changes of pose and velocity (n, 3) between an early and the last sample."""
 
     dq: np.ndarray
     dv: np.ndarray
 
 
 def flight_drag(flights: LongFlights) -> tuple[float, float]:
-    """Linear drag (c_v, c_w) in 1/s of translation along x and of spin, at least 0.
+    """Fit linear drag (c_v, c_w) in 1/s of translation along x and of spin, at least 0.
 
     Linear drag gives Δv_x = −c_v Δx and Δω = −c_w Δθ exactly, for any length of flight.  The fit is the line through
     the origin of least absolute deviation: the median of −Δv/Δq weighted by |Δq|.
@@ -95,13 +95,13 @@ def flight_drag(flights: LongFlights) -> tuple[float, float]:
 def read_throws(
     dataset: Dataset, hits: pd.DataFrame, settings: DiceDataSettings
 ) -> tuple[ThrowReleases, MeasuredContacts, LongFlights]:
-    """States, contacts and long flights of all throws of a dataset with trajectories.
+    """Read states, contacts and long flights of all throws of a dataset with trajectories.
 
-    `hits` has columns trial, t (s) of all detected hits, measurable or not, as in arcs.csv.  Raises UserError if there
+    `hits` has columns trial, t (s) for all detected hits, measurable or not, as in arcs.csv.  Raises UserError if there
     are no trajectories or no throw is usable.
     """
     if dataset.trajectories is None:
-        raise UserError(f"{dataset.name} has no trajectories, so there are no throws to follow to rest.")
+        raise UserError(f"{dataset.name} has no trajectories, so throws cannot be followed to rest.")
     when = {trial: np.sort(rows["t"].to_numpy(float)) for trial, rows in hits.groupby("trial")}
     throws = []
     for trial, rows in dataset.trajectories.groupby("trial"):
@@ -133,14 +133,14 @@ def read_throws(
             state, cov = fits[0][5:]
             releases.append((trial, *state.T, cov, tail.mean(axis=0)))
     if not releases or not contacts:
-        raise UserError(f"{dataset.name} holds no throw with a first flight that comes to rest: nothing to study.")
+        raise UserError(f"{dataset.name} has no throw with a first flight that comes to rest: nothing to study.")
     starts, met, flown = (map(np.array, zip(*rows)) for rows in (releases, contacts, long))
     flights = LongFlights(*flown) if long else LongFlights(np.zeros(0, int), np.zeros((0, 3)), np.zeros((0, 3)))
     return ThrowReleases(*starts, left_out=left_out, sigma=sigma), MeasuredContacts(*met), flights
 
 
 def _flights(t: np.ndarray, hits: np.ndarray, settings: DiceDataSettings) -> list[tuple[float, float, np.ndarray]]:
-    """Begin, end (s; ±∞ without a hit) and samples of each long enough stretch between hits."""
+    """Begin, end (s; ±∞ without a hit) and samples of each sufficiently long stretch between hits."""
     stretches = []
     for begin, end in zip(np.r_[-np.inf, hits], np.r_[hits, np.inf]):
         inside = np.flatnonzero((t > begin + settings.guard) & (t < end - settings.guard))
@@ -150,7 +150,7 @@ def _flights(t: np.ndarray, hits: np.ndarray, settings: DiceDataSettings) -> lis
 
 
 def _noise(throws: list, settings: DiceDataSettings) -> np.ndarray:
-    """Noise σ √((1 + ρ)/(1 − ρ)) (3,) of x, y, θ from parabolas through the first flights."""
+    """Estimate the noise σ √((1 + ρ)/(1 − ρ)) (3,) of x, y, θ from parabolas through the first flights."""
     residuals, freedom = [], 0
     for _, t, pose, flights in throws:
         if flights and flights[0][0] == -np.inf:
@@ -160,7 +160,7 @@ def _noise(throws: list, settings: DiceDataSettings) -> np.ndarray:
             freedom += len(rows) - 3
     if not residuals or freedom < 1:
         raise UserError("No throw begins with a flight before its first hit.")
-    # so that a lost frame does not raise the noise of all throws
+    # clipped, so that a lost frame does not raise the noise of all throws
     limit = ROBUST * MAD_TO_STD * np.median(np.abs(np.concatenate(residuals)), axis=0)
     residuals = [np.clip(residual, -limit, limit) for residual in residuals]
     square = sum((residual**2).sum(0) for residual in residuals)
@@ -172,7 +172,7 @@ def _noise(throws: list, settings: DiceDataSettings) -> np.ndarray:
 def _fit(
     t: np.ndarray, pose: np.ndarray, at: float, sigma: np.ndarray, gravity: float, settings: DiceDataSettings
 ) -> tuple[np.ndarray, np.ndarray]:
-    """State [q_i, v_i] (3, 2) at the time `at` in s, and covariance (6, 6) of (q, v)."""
+    """Fit the state [q_i, v_i] (3, 2) at time `at` in s, with covariance (6, 6) of (q, v)."""
     tau = t - at
     powers = np.column_stack([np.ones_like(tau), tau, 0.5 * tau**2])
     state, cov = np.empty((3, 2)), np.zeros((6, 6))

@@ -1,17 +1,17 @@
-"""Body and contact of a thrown square, fitted to training contacts by simulation error.
+"""Fit of body and contact of a thrown square to training contacts, by simulation error.
 
-Each contact is simulated from the measured flight before it to the measured flight after it, all hits between them
-included.  With e the kinetic norm of the velocity error,
+Each contact is simulated from the measured flight before it to the measured flight after it, with all hits between
+them.  With e the kinetic norm of the velocity error,
 
     minimise over body and contact    Σ min(e_i, e_max)
 
-by seeded CMA-ES, from the believed body and a contact that is the same at every place and angle.  The cap limits the
-influence of contacts that the camera lost.  Contacts are too short to show drag, which is fitted to flights
-(`data.flight_drag`).  Unlike a fit to isolated impacts, this one uses double hits and weighs geometry by its effect on
+by seeded CMA-ES, from the assumed body and a contact that is the same at every place and angle.  The cap limits the
+influence of contacts that the camera lost.  Contacts are too short to determine drag, which is fitted to flights
+(`data.flight_drag`).  Unlike a fit to isolated impacts, this fit uses double hits and weights geometry by its effect on
 them.
 
-What a contact's damping may depend on, `MECHANISMS`, is chosen from the training throws, too: the fewest with an error
-near the least on the contacts of throws that they were not fitted to, each half of the throws in turn.
+The `MECHANISMS`, by which damping depends on place or angle, are also chosen on the training throws: the fewest whose
+error is near the least on contacts of throws that were not used in the fit, each half of the throws in turn.
 
 Source of CMA-ES: Hansen, arXiv 1604.00772 (constants of its table 1).
 """
@@ -33,7 +33,7 @@ from thesis_lib.thesis.residual.throwing.settings import ThrowSettings
 from thesis_lib.thesis.residual.throwing.throw import LawImpact, state_at
 
 CORNERS = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
-# first step of each parameter: a few times a rig's error, enough to change a contact visibly
+# first step of each parameter: a few times the error of a set-up, enough to change a contact visibly
 BODY_STEPS = {"half": 2e-3, "rho": 2e-3, "height": 1e-3, "k_g": 2e-3, "d_theta": 0.02, "c_x": 5e-4, "c_y": 5e-4}
 CONTACT_STEPS = {"omega": 200.0, "damping": 0.1, "dashpot": 0.05, "mu": 0.03, "tau": 0.2, "dashpot_t": 0.05}
 MECHANISMS = {
@@ -41,19 +41,19 @@ MECHANISMS = {
     "flat": {"flat": 0.3, "flat_dashpot": 0.3},  # o(θ)
 }
 ALL = tuple(MECHANISMS)
-MATERIAL = 0.02  # of the error on unseen contacts: less does not justify a mechanism (the dice's two take off 20 %)
+MATERIAL = 0.02  # relative fall of the error on unseen contacts that justifies a mechanism (the two of the dice: 20 %)
 TOUCHES = 1e-5  # m, clearance given to a body that already touches at the last sample of a flight
 
 
 @dataclass(frozen=True)
 class DiceModel:
-    """A square with rounded corners, its drag and its contact."""
+    """Model of a die: a square with rounded corners, its drag and its contact."""
 
     half: float  # m, half the length of a side between the arcs of its corners
     rho: float  # m, radius of the corners
     height: float  # m, of the surface in the camera's frame
     k_g: float  # m, radius of gyration
-    law: str  # law, mu, epsilon: of contacts if `contact` is None, else of the slowest ones
+    law: str  # law, mu, epsilon: of all contacts if `contact` is None, else of the slowest contacts
     mu: float
     epsilon: float
     gravity: float  # m/s²
@@ -63,29 +63,29 @@ class DiceModel:
     c_v: float = 0.0  # c_v, c_w: 1/s, drag in flight
     c_w: float = 0.0
     contact: CornerContact | None = None
-    effects: tuple[tuple[Effect, Parameters], ...] = ()  # of the contacts, and what they are told of body and rig
+    effects: tuple[tuple[Effect, Parameters], ...] = ()  # effects on contacts, with parameters; they use `rig`
     rig: Rig | None = None
 
     @property
     def body(self) -> ThrownBody:
-        """The thrown body."""
+        """Return the thrown body."""
         u = CORNERS * self.half - np.array([self.c_x, self.c_y])
         return ThrownBody(u, self.rho, self.k_g, self.gravity, self.height, self.c_v, self.c_w)
 
     @property
     def impact(self) -> LawImpact:
-        """The impact law with its parameters."""
+        """Return the impact law with its parameters."""
         return LawImpact(BASES[self.law], self.mu, self.epsilon, self.k_g, self.effects, self.rig)
 
     def seen(self, q: np.ndarray) -> np.ndarray:
-        """True poses (n, 3) of measured poses `q` (n, 3), lifted where they already touch."""
+        """Convert measured poses `q` (n, 3) to true poses (n, 3), lifted where they already touch."""
         q = np.array(q, float)
         q[:, 2] -= self.d_theta
         q[:, 1] += np.maximum(TOUCHES - self.body.gap(q), 0.0)
         return q
 
     def face(self, theta: np.ndarray) -> np.ndarray:
-        """Side (n,) that is down at the measured angle `theta` (n,) in rad."""
+        """Return the side (n,) that is down at the measured angle `theta` (n,) in rad."""
         return self.body.face(np.asarray(theta) - self.d_theta)
 
 
@@ -106,7 +106,7 @@ def touch_down(
 def contact_path(
     model: DiceModel, q: np.ndarray, v: np.ndarray, until: np.ndarray | float, settings: ThrowSettings
 ) -> tuple[np.ndarray, np.ndarray]:
-    """True pose and velocity (n, 3) at the times `until` in s; a body that chatters all the time stays, at rest."""
+    """Simulate to times `until` (s); true pose, velocity (n, 3); a body that chatters throughout stays, at rest."""
     until = np.broadcast_to(until, len(q))
     if model.contact is not None:
         end_q, end_v = compliant_path(model.body, model.contact, q, v, until)
@@ -120,7 +120,7 @@ def contact_path(
 def choose_mechanisms(
     start: DiceModel, contacts: MeasuredContacts, rng: np.random.Generator, settings: DiceFitSettings
 ) -> tuple[str, ...]:
-    """Names of the fewest `MECHANISMS` with which contacts of throws that a fit has not seen are followed well."""
+    """Choose the fewest `MECHANISMS` with which contacts of throws that were not fitted are predicted well."""
     trials = rng.permutation(np.unique(contacts.trial))
     first = np.isin(contacts.trial, trials[: len(trials) // 2])
     halves = contacts.select(first), contacts.select(~first)
@@ -131,7 +131,7 @@ def choose_mechanisms(
     errors = dict.fromkeys(combined, 0.0)
     for known, unseen in (halves, halves[::-1]):
         fast = _fast(unseen, start, settings)
-        # a search is short: those with less go on from a longer one with all, so that none is behind for want of steps
+        # searches are short: subsets continue from a longer search with all mechanisms, to give all enough steps
         full, _ = fit_dice(start, known, np.random.default_rng(seed), twice, ALL)
         for chosen in combined:
             model = full
@@ -143,7 +143,7 @@ def choose_mechanisms(
 
 
 def capped_errors(model: DiceModel, contacts: MeasuredContacts, k_g: float, settings: DiceFitSettings) -> np.ndarray:
-    """Errors (n,) of the velocity after contacts in the kinetic metric of `k_g` (m), m/s, at most `cap`."""
+    """Errors (n,) of the velocity after contacts in the kinetic metric with `k_g` (m), m/s, at most `cap`."""
     quick = ThrowSettings(snapshots=0)
     _, v = contact_path(model, model.seen(contacts.q), contacts.v, contacts.span, quick)
     return np.minimum(velocity_error(contacts.v_after - v, k_g), settings.cap)
@@ -161,10 +161,10 @@ def fit_dice(
     mechanisms: Sequence[str] = ALL,
     begin: DiceModel | None = None,
 ) -> tuple[DiceModel, float]:
-    """Body and compliant contact that best follow training contacts, and their mean capped error in m/s.
+    """Fit body and compliant contact to training contacts; the model and its mean capped error in m/s.
 
-    Of a contact's place and angle its damping depends on those that `mechanisms` names.  The search begins at the
-    body of `start` with a contact that is the same everywhere, or at `begin`.
+    The damping of a contact depends on place or angle as `mechanisms` states.  The search begins at the body of `start`
+    with a contact that is the same everywhere, or at `begin`.
     """
     used = _fast(contacts, start, settings)
     if len(used) > settings.contacts:
@@ -186,7 +186,7 @@ def fit_dice(
         model = with_values(values)
         bad = min(model.half / start.half - 0.2, model.rho, model.k_g / start.k_g - 0.3, model.contact.margin)
         if bad < 0.0:
-            return settings.cap - bad  # outside: worse the farther
+            return settings.cap - bad  # outside the bounds the misfit grows with the distance
         return float(capped_errors(model, used, start.k_g, settings).mean())
 
     first = np.array([getattr(begin, k) for k in BODY_STEPS] + [getattr(begin.contact, k) for k in contact_steps])
@@ -202,7 +202,7 @@ def cma_es(
     evaluations: int,
     rng: np.random.Generator,
 ) -> tuple[np.ndarray, float]:
-    """Best point (d,) found, and its value, of a function of d numbers that may have kinks."""
+    """Minimise a function of d numbers, which may have kinks; the best point (d,) found and its value."""
     d = len(start)
     lam = 4 + int(3 * np.log(d)) + 2
     n_best = lam // 2

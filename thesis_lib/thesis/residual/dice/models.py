@@ -1,12 +1,12 @@
-"""Contact models that can be thrown: the law, its residuals, the critique's, and those fitted to training contacts.
+"""Contact models for simulated throws: the law, its residuals, the critique's model, and models fitted to contacts.
 
-A `Thrower` joins a body in flight, its uncertain contact, and that contact without uncertainty.  What a model misses is
-measured on contacts between two flights, double hits included.  The model runs for the time T after the first touch,
+A `Thrower` combines a body in flight and its uncertain contact, with or without the uncertainty.  A model's residual is
+computed for contacts between two flights, double hits included.  The model runs for the time T after the first touch,
 the flight after the contact is traced back to that time, and the difference is
 
     residual = ((Δx, Δy, k Δθ)/(s T), (Δv_x, Δv_y, k Δω)/s),    s = √(v_x² + v_y² + k² ω²) at the touch
 
-Its size (1.48 median |.|) is the scatter of a law; a Gaussian process of it is the contact map (`contact_map`).
+Its size (1.48 median |.|) is the scatter of a law; a Gaussian process fitted to it is the contact map (`contact_map`).
 """
 
 from dataclasses import dataclass, replace
@@ -45,15 +45,15 @@ from thesis_lib.thesis.residual.throwing.propagation import LearnedImpact, Sampl
 from thesis_lib.thesis.residual.throwing.settings import ThrowSettings
 from thesis_lib.thesis.residual.throwing.throw import LawImpact, Throws, simulate_throws
 
-FEWEST = 50  # contacts on either side of an edge; with fewer, both sides are one range of speeds
+FEWEST = 50  # fewest contacts on either side of an edge; with fewer, both sides form one range of speeds
 BODY_EFFECTS = ("rounded_corners", "angle_offset", "marker_offset", "linear_drag", "wrong_inertia", "surface_height")
 CONTACT_HOOKS = {"coefficients", "impulse", "contact_time"}
-BY_TRIAL = "wear"  # of a surface that throws do not number
+BY_TRIAL = "wear"  # depends on the number of the trial, which simulated throws do not have
 
 
 @dataclass(frozen=True)
 class Thrower:
-    """A body in flight with an uncertain contact."""
+    """Model of a throw: a body in flight with an uncertain contact."""
 
     name: str
     model: DiceModel
@@ -66,21 +66,21 @@ class Thrower:
 
 
 def critique_model(saved: SavedModel, side: float) -> DiceModel:
-    """The critique's body and law as a model that can be thrown, with contacts that take no time.
+    """Convert the critique's body and law to a model for throws, with instantaneous contacts.
 
-    With a marker off the centre the outline lies where it is, and the mass is taken to be at the marker, as in all fits
-    of the dice.
+    With a marker off the centre, the outline is shifted accordingly, and the centre of mass is assumed at the marker,
+    as in all fits of the dice.
 
-    UserError for effects that are neither in `BODY_EFFECTS` nor act on contacts alone.
+    UserError for effects that are not in `BODY_EFFECTS` and do not act on contacts alone.
     """
     of_contact = in_order(EFFECTS[name] for name in saved.effects if acts_on_contacts_alone(EFFECTS[name]))
     known = {*BODY_EFFECTS, *(effect.name for effect in of_contact)}
     strange = [name for name in saved.effects if name not in known]
     if strange:
         raise UserError(
-            f"The critique's model has effects that thrown dice do not know: {', '.join(strange)}. Known are "
-            f"{', '.join(BODY_EFFECTS)} and those that act on contacts alone; leave the critique's model out or choose "
-            "its effects among them."
+            f"The critique's model has effects that throws of dice do not support: {', '.join(strange)}. Supported are "
+            f"{', '.join(BODY_EFFECTS)} and effects on contacts alone; leave the critique's model out or choose "
+            "its effects among these."
         )
     p = saved.values
     rho = p.get("rounded_corners.rho", 0.0)
@@ -106,7 +106,7 @@ def critique_model(saved: SavedModel, side: float) -> DiceModel:
 
 
 def acts_on_contacts_alone(effect: Effect) -> bool:
-    """Whether an effect changes (μ, ε), the impulse or the contact time, and nothing else, in any throw alike."""
+    """Whether an effect changes only (μ, ε), the impulse or the contact time, in the same way in every throw."""
     hooks = [name for name in vars(Effect) if callable(getattr(Effect, name)) and not name.startswith("_")]
     acting = {name for name in hooks if getattr(type(effect), name) is not getattr(Effect, name)}
     return bool(acting) and acting <= CONTACT_HOOKS | {"shapes"} and effect.name != BY_TRIAL
@@ -119,7 +119,7 @@ def law_models(
     settings: DiceStudySettings,
     rng: np.random.Generator,
 ) -> tuple[list[Thrower], pd.DataFrame]:
-    """The law with the least error on isolated training impacts, and its two residuals, learned on single hits."""
+    """Fit the law with the least error on isolated training impacts, and its two residuals, learned on single hits."""
     target = target_of(impacts)
     fits = {name: fit_ensemble(LAWS[name], target, "velocity") for name in SIX_LAWS}
     name = min(fits, key=lambda law: fits[law].cost)
@@ -136,20 +136,20 @@ def law_models(
 
 
 def single_hits(model: DiceModel, impacts: Impacts, settings: DiceStudySettings) -> Impacts:
-    """The impacts after which, by the model's law, no other corner hits before a camera could tell (`hit_again`)."""
+    """Select impacts after which, by the model's law, no other corner hits within the camera's time resolution."""
     return impacts.select(~hit_again(model.body, model.impact, impacts, settings.data.longest_contact))
 
 
 def hit_again(body: ThrownBody, law: LawImpact, impacts: Impacts, within: float) -> np.ndarray:
-    """Mask (n,) of n impacts after which, by the law and in free flight, another corner hits `within` s.
+    """Mask (n,) of impacts after which, by the law and in free flight, another corner hits within `within` s.
 
     A square that lands nearly flat hits with its next corner milliseconds later (thesis 4.4, figure 4-9), and the
-    camera sees one impact that no impulse at one point explains.  A learner of such impulses would see a large
-    residual, count the second hit twice (a simulated throw makes it anyway), and multiply the energy of a body that
+    camera sees one impact, which no impulse at one point explains.  A learner of such impulses would find a large
+    residual, count the second hit twice (a simulated throw has it anyway), and multiply the energy of a body that
     rocks on its corner, which has the same features X1.  Nothing measured after the impact is used.
     """
     q = impacts.q.copy()
-    q[:, 1] -= body.gap(q)  # measured heights are a millimetre off: the lowest corner touches
+    q[:, 1] -= body.gap(q)  # measured heights are a millimetre off, so the lowest corner is placed on the surface
     r, corner = body.lowest(q[:, 2])
     _, after, _ = law(q, impacts.v_pre, r, np.zeros(len(q), bool))
     known = np.isfinite(after).all(axis=1)
@@ -162,10 +162,10 @@ def hit_again(body: ThrownBody, law: LawImpact, impacts: Impacts, within: float)
 def contact_residuals(
     model: DiceModel, contacts: MeasuredContacts, settings: DiceStudySettings
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Residuals of a model at measured contacts, at `duration` after the first touch.
+    """Compute the residuals of a model at measured contacts, at `duration` after the first touch.
 
-    Left out are contacts slower than `slowest`, those whose flight after begins later than twice the duration after the
-    touch, and those with a hit later than the duration: the flight after would be traced back through that hit.
+    Left out are contacts slower than `slowest`, contacts whose next flight begins later than twice the duration after
+    the touch, and contacts with a hit later than the duration, through which the next flight would be traced back.
     Returns indices (m,) of the contacts used, pose and velocity (m, 3) at the touch, residual (m, 6) in the contact
     map's units, and the model's normal impulse (m,) per unit mass in m/s.
     """
@@ -187,12 +187,12 @@ def contact_residuals(
 
 
 def scattered(name: str, model: DiceModel, contacts: MeasuredContacts, settings: DiceStudySettings) -> Thrower:
-    """A law with the scatter of its training residuals (Δv_x, Δv_y, k Δω)/c_n, robust against lost contacts."""
+    """Make a law with the scatter of its training residuals (Δv_x, Δv_y, k Δω)/c_n, robust against lost contacts."""
     _, _, v_0, residual, c_n = contact_residuals(model, contacts, settings)
     relative = residual[:, 3:] * (velocity_error(v_0, model.k_g) / np.maximum(c_n, settings.slowest))[:, None]
-    # means stay in: a systematic miss counts as scatter
+    # means are included: a systematic error counts as scatter
     size = MAD_TO_STD * np.median(np.abs(relative), axis=0)
-    # as a wrench about the centre: the couple per normal impulse is k times the spin's share
+    # as a wrench about the centre: the couple per normal impulse is k times the share of the spin
     wrench = np.diag(size * [1.0, 1.0, model.k_g]) ** 2
     return Thrower(name, model, ScatteredLaw(model.body, model.impact, relative=wrench))
 
@@ -200,9 +200,9 @@ def scattered(name: str, model: DiceModel, contacts: MeasuredContacts, settings:
 def train_missed(
     model: DiceModel, contacts: MeasuredContacts, settings: DiceStudySettings, rng: np.random.Generator, learned: bool
 ) -> tuple[dict, int]:
-    """Keywords of a contact map for what a model misses of training contacts, and the number of outliers.
+    """Train a contact map on a model's residuals at training contacts; its keywords, and the number of outliers.
 
-    `regimes` are processes (if not `learned`, the scatter alone), `freedom` is that of Student's t of their residuals.
+    `regimes` have processes (if not `learned`, the scatter alone); `freedom` is for Student's t of their residuals.
     """
     _, q_0, v_0, residual, _ = contact_residuals(model, contacts, settings)
     speed = velocity_error(v_0, model.k_g)
@@ -222,7 +222,7 @@ def train_missed(
         process = fit_gaussian_process(X, residual[some], rng, settings.process, centred=False)
         processes.append(process)
         parts.append(leave_one_out(process))
-        # no process is trained on outliers, but they occur and belong to its tails
+        # processes are not trained on outliers, but these occur and belong to the tails
         wild = np.setdiff1d(rows, good)
         if len(wild):
             mean, variance = process.predict(contact_features(q_0[wild], v_0[wild], model.k_g), noise=True)
@@ -232,14 +232,14 @@ def train_missed(
 
 
 def contact_map(name: str, model: DiceModel, missed: dict, settings: DiceStudySettings) -> Thrower:
-    """A thrower with the contact map of what `model` misses (`train_missed`)."""
+    """Make a thrower with the contact map of the residuals of `model`, trained by `train_missed`."""
     path = partial(contact_path, model, settings=settings.throw)
     limits = {"duration": settings.duration, "slowest": settings.slowest}
     return Thrower(name, model, ContactMap(model.body, model.impact, path=path, **limits, **missed))
 
 
 def mean_miss(thrower: Thrower, releases: ThrowReleases, settings: DiceStudySettings) -> float:
-    """Mean |error| in m of where training throws end, thrown without uncertainty."""
+    """Mean |error| in m of the final position of training throws, simulated without uncertainty."""
     rng = np.random.default_rng(0)
     out = throw_starts(thrower.model, thrower.certain, releases.q, releases.v, settings.throw, rng)
     return float(np.mean(np.abs(releases.end[:, 0] - out.q[:, 0])))
@@ -248,12 +248,12 @@ def mean_miss(thrower: Thrower, releases: ThrowReleases, settings: DiceStudySett
 def throw_starts(
     model: DiceModel, contact: Sampled, q: np.ndarray, v: np.ndarray, settings: ThrowSettings, rng: np.random.Generator
 ) -> Throws:
-    """Ends of throws from measured poses and velocities (n, 3) with a contact of the model."""
+    """Simulate throws from measured poses and velocities (n, 3) to rest with a contact of the model."""
     return simulate_throws(model.body, model.seen(q), v, contact, model.mu, settings, rng)
 
 
 def perturbed(releases: ThrowReleases, copies: int, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
-    """Poses and velocities (n copies, 3) drawn from the covariance of each start, copies of a throw together."""
+    """Draw poses and velocities (n copies, 3) from the covariance of each start, grouped by throw."""
     root = covariance_root(releases.cov)
     noise = np.einsum("nij,ncj->nci", root, rng.standard_normal((len(root), copies, 6)))
     state = (np.hstack([releases.q, releases.v])[:, None, :] + noise).reshape(-1, 6)
@@ -263,11 +263,11 @@ def perturbed(releases: ThrowReleases, copies: int, rng: np.random.Generator) ->
 def noise_limit(
     thrower: Thrower, releases: ThrowReleases, side: float, settings: DiceStudySettings, rng: np.random.Generator
 ) -> pd.DataFrame:
-    """How far noise of the measured start alone moves the end: trial, spread (in sides of `side` m), face_kept.
+    """Spread of the end due to noise of the measured start alone: trial, spread (in sides of `side` m), face_kept.
 
-    The model without uncertainty throws from each measured state and from states drawn from its covariance.  No
+    The model without uncertainty is thrown from each measured state and from states drawn from its covariance.  No
     prediction from these measurements can be better than the spread: the root mean square of (x_end − x_end of the
-    measured state).  A model whose throws are less sensitive than the true ones gives too low a limit.  `face_kept` is
+    measured state).  If the model's throws are less sensitive than the true ones, the limit is too low.  `face_kept` is
     the share of drawn starts that end on the same side as the measured state.
     """
     copies = settings.limit_copies

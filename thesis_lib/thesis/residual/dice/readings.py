@@ -1,15 +1,15 @@
-"""The law alone thrown with any friction and restitution: which of them gives the thesis's figure 4-8.
+"""Throws by the law alone over a grid of friction and restitution, to find which values give the thesis's figure 4-8.
 
 All measured throws by Anitescu-Potra (Newton), the law of the thesis's chapter 4, without uncertainty, once with the
-rotation as it is and once read the other way round (θ, ω → −θ, −ω at the same x, y).  Nothing is fitted.  Errors are
-measured minus expected along the direction of the throws, so that, as the thesis has it, a negative one is an
-overshoot; the public throws go along −x.
+rotation as given and once with its sense reversed (θ, ω → −θ, −ω at the same x, y).  Nothing is fitted.  Errors are
+measured minus expected along the direction of the throws, so that, as in the thesis, a negative error is an
+overshoot; the published throws go along −x.
 
     χ² = ((m − m_T)/σ_m)² + ((s − s_T)/σ_s)² + ((f − f_T)/σ_f)²                          three degrees of freedom
     σ_m² = s_T² (1/n + 1/n_T),   σ_s² = s_T² (1/n + 1/n_T)/2,   σ_f² = f_T (1 − f_T) (1/n + 1/n_T)
 
-compares mean m and standard deviation s of the errors and the share f of right sides with those of the thesis (T).  The
-two share throws, which makes the σ too large rather than too small.
+compares mean m and standard deviation s of the errors and the share f of correct sides with the thesis (T).  The
+two sets have throws in common, so the σ are rather too large.
 """
 
 from collections.abc import Sequence
@@ -40,7 +40,7 @@ def readings(
     mu: Sequence[float] = MU,
     epsilon: Sequence[float] = EPSILON,
 ) -> pd.DataFrame:
-    """A row per rotation (given, mirrored), mu and epsilon: mean, std (sides), face_right and chi2; `side` in m."""
+    """Table per rotation (given, mirrored), mu and epsilon: mean, std (sides), face_right and chi2; `side` in m."""
     way = np.sign(np.mean(releases.end[:, 0] - releases.q[:, 0]))
     rows = []
     for rotation, turned in (("given", np.ones(3)), ("mirrored", MIRRORED)):

@@ -1,21 +1,21 @@
-"""Results of the study of dice: tables over all held-out parts, and the throws in figures.
+"""Results of the study of dice: tables over all held-out parts, and throws for figures.
 
     value = over the held-out throws of all parts, each of which is held out once;   std, low, high: bootstrap over them
     std_splits = standard deviation over parts of the value within one
 
-The bootstrap draws held-out throws, and takes the models as trained.  Other training throws would change little if
-std_splits is not larger than √parts times `std`.  The budget is a mean over parts.  Figures of single throws and of one
-belief use part 0.
+The bootstrap draws held-out throws and keeps the models as trained.  Other training throws would change little if
+std_splits is at most √parts times `std`.  The budget is a mean over parts.  Figures of single throws and of one
+predictive distribution use part 0.
 
-Figure 4-4 shows how the belief over a throw widens from contact to contact, and how much of it contacts do.  Held-out
-throws are thrown from states drawn from the covariance of their start, once with uncertain contacts and once with the
-same contacts without uncertainty.  A throw's width is the standard deviation of x over its particles, in sides:
+Figure 4-4 shows how the belief (predictive distribution) of a throw widens with each contact, and the contacts' share
+in it.  Held-out throws start from states drawn from the covariance of their start, once with uncertain contacts, once
+without their uncertainty.  The width of a throw is the standard deviation of x over its particles, in sides:
 
     std, certain    median over throws of the width with uncertain contacts, and without
-    ratio           median over throws of one over the other
+    ratio           median over throws of the width with, over the width without
 
-Start noise grows on the way by itself, as a thrown die is chaotic.  So a wider belief does not show that contacts are
-uncertain, but the ratio does: it is 1 where they add nothing, and √2 where they add half of the variance.
+Noise of the start grows by itself, as a thrown die is chaotic.  A wider belief thus does not show that contacts are
+uncertain, but the ratio does: it is 1 if they add nothing, and √2 if they add half of the variance.
 """
 
 from collections.abc import Callable, Sequence
@@ -37,18 +37,18 @@ from thesis_lib.thesis.residual.throwing.flight import fly
 from thesis_lib.thesis.residual.throwing.propagation import Sampled
 from thesis_lib.thesis.residual.throwing.settings import ThrowSettings
 
-BELIEVED = "compliant_residual"  # the model whose beliefs are drawn
+BELIEVED = "compliant_residual"  # the model whose beliefs are shown
 COMPLIANT = "compliant"
-SAMPLES = 200  # of a drawn belief
-ASKEW = 0.75  # 24 degrees from a side: the neighbour touches much later, if at all
+SAMPLES = 200  # number of samples of a belief in a figure
+ASKEW = 0.75  # 24 degrees from a side: the next corner touches much later, if at all
 FAST = 0.5  # m/s; slower contacts give poor estimates of restitution
 STATES = ("start", "first contact", "second contact", "rest")
-FEWEST = 5  # particles that have a contact, for a width after it
+FEWEST = 5  # fewest particles with a contact for a width after it
 
 
 @dataclass(frozen=True)
 class Examples:
-    """An easy and a hard held-out throw of the first part, chosen by the belief alone; distances in sides."""
+    """An easy and a hard held-out throw of the first part, chosen by the belief alone; distances are in sides."""
 
     easy: int
     hard: int
@@ -61,7 +61,7 @@ class Examples:
 def dice_tables(
     studies: Sequence[DiceStudy], settings: DiceStudySettings, rng: np.random.Generator
 ) -> dict[str, pd.DataFrame]:
-    """Tables of all parts by file name; `dice` is the summary.  `rng` is for the bootstraps."""
+    """Tables over all parts by file name; `dice` is the summary.  `rng` is for the bootstraps."""
     stream = streams(rng)
     whole = {name: stacked([study.tables[name] for study in studies]) for name in studies[0].tables}
     coverages = [
@@ -77,7 +77,7 @@ def dice_tables(
     whole["budget"] = budgets.mean().reset_index()
 
     def summarised(summarise: Callable, *names: str) -> tuple[pd.DataFrame, list[pd.DataFrame]]:
-        """The summary of tables of all throws, with the spread over the summaries of parts; and these."""
+        """Summary of the tables of all throws, with the spread over summaries of parts; and the latter."""
 
         def of(tables: dict[str, pd.DataFrame], *key: object) -> pd.DataFrame:
             return summarise(*(tables[name] for name in names), settings.bootstrap, stream(*key))
@@ -94,7 +94,7 @@ def dice_tables(
 def tables_of_part(
     study: DiceStudy, side: float, settings: DiceStudySettings, rng: np.random.Generator
 ) -> dict[str, pd.DataFrame]:
-    """How the beliefs of model `BELIEVED` widen, and the law with other parameters, by file name; `side` in m."""
+    """Tables by file name: widths of beliefs of model `BELIEVED`, and throws by the law alone; `side` in m."""
     believed, plain = study.outcomes[BELIEVED].thrower, study.outcomes[PLAIN].thrower.model
     return {
         "dice_widths": belief_widths(believed, study.held.releases, side, settings, rng),
@@ -105,9 +105,9 @@ def tables_of_part(
 def belief_widths(
     thrower: Thrower, held: ThrowReleases, side: float, settings: DiceStudySettings, rng: np.random.Generator
 ) -> pd.DataFrame:
-    """A row per state: throws, std, certain and ratio, each with its standard error (bootstrap over throws).
+    """Table with a row per state: throws, std, certain and ratio, each with standard error (bootstrap over throws).
 
-    `side` in m.  A throw counts where at least `FEWEST` of its particles have the contact, thrown either way.
+    `side` in m.  A throw counts if at least `FEWEST` of its particles have the contact, with and without uncertainty.
     """
     start_rng, contact_rng, bootstrap_rng = rng.spawn(3)
     q, v = perturbed(held, settings.particles, start_rng)
@@ -134,14 +134,14 @@ def belief_widths(
 
 
 def stacked(parts: Sequence[pd.DataFrame]) -> pd.DataFrame:
-    """The tables of all parts, with `split`, the number of the part, as first column."""
+    """Stack the tables of all parts, with `split`, the number of the part, as first column."""
     return pd.concat(parts, keys=range(len(parts)), names=["split"]).reset_index("split").reset_index(drop=True)
 
 
 def over_parts(whole: pd.DataFrame, parts: Sequence[pd.DataFrame]) -> pd.DataFrame:
-    """The summary of all throws; the standard deviation of its value over the summaries of parts, and their number.
+    """Add to the summary of all throws the standard deviation of its value over the parts, and their number.
 
-    Columns before the value name a row; the value is followed by std, low and high.
+    Columns before the value identify a row; the value is followed by std, low and high.
     """
     columns = list(whole.columns[: whole.columns.get_loc("high") + 1])
     *keys, value = columns[: columns.index("std")]
@@ -151,7 +151,7 @@ def over_parts(whole: pd.DataFrame, parts: Sequence[pd.DataFrame]) -> pd.DataFra
 
 
 def calibration(throws: pd.DataFrame, coverage: pd.DataFrame) -> tuple[pd.DataFrame, pd.DataFrame]:
-    """PIT histograms of resting positions, and coverages."""
+    """Histograms of the probability integral transform (PIT) of resting positions, and coverages."""
     histograms = [
         pit_histogram(part["pit"].to_numpy()).assign(model=model) for model, part in throws.groupby("model", sort=False)
     ]
@@ -159,10 +159,10 @@ def calibration(throws: pd.DataFrame, coverage: pd.DataFrame) -> tuple[pd.DataFr
 
 
 def restitution(model: DiceModel, contacts: MeasuredContacts, settings: ThrowSettings) -> pd.DataFrame:
-    """Restitution e_n = −v_n⁺/v_n⁻ at the touching corner against its place x (m), measured and by the fitted contact.
+    """Restitution e_n = −v_n⁺/v_n⁻ at the touching corner against its position x (m), measured and modelled.
 
     A row per contact: trial, first (0 or 1), x, speed (m/s of approach), measured, model.  Flights after a contact are
-    traced back to the touch.  Contacts of one corner only, far from landing flat and faster than `FAST`.
+    traced back to the touch.  Only contacts of one corner are used, far from flat and faster than `FAST`.
     """
     t, at, _, r, approach = touch_down(model, contacts)
     shown = (np.abs(np.sin(2.0 * at[:, 2])) > ASKEW) & (approach > FAST) & (t < contacts.span)
@@ -180,7 +180,7 @@ def restitution(model: DiceModel, contacts: MeasuredContacts, settings: ThrowSet
 
 
 def examples(study: DiceStudy, side: float, settings: DiceStudySettings, rng: np.random.Generator) -> Examples:
-    """Throws that the figures show, and the beliefs of model `BELIEVED` about them; `side` in m."""
+    """Choose the throws that the figures show, with the beliefs of model `BELIEVED`; `side` in m."""
     believed, plain, held = study.outcomes[BELIEVED], study.outcomes[PLAIN], study.held.releases
     easy, hard = easy_and_hard(study.tables["throws"], BELIEVED)
     beliefs, marks, rest = [], [], {}

@@ -1,27 +1,27 @@
-"""Where thrown dice come to rest: contact models compared on held-out throws, from measured starts.
+"""Study of thrown dice: resting positions predicted by several contact models from measured starts of held-out throws.
 
-Throws are dealt into disjoint parts; each part is held out once, and the other parts train.  All that is fitted or
-chosen (`_train`) is fitted or chosen anew for each part, from its training throws alone.
+Throws are divided into disjoint parts; each part is held out once, and the others are used for training.  All fits and
+choices (`_train`) are repeated for each part, with its training throws alone.
 
 | model               | body, flight          | contact                                                              |
 |---------------------|-----------------------|----------------------------------------------------------------------|
-| law                 | as believed, no drag  | the law with least error on isolated training impacts, as in ch. 3   |
-| residual            | as believed, no drag  | that law + rigid residual on X1                                      |
-| residual_wrench     | as believed, no drag  | that law + wrench residual on X1                                     |
+| law                 | as assumed, no drag   | the law with least error on isolated training impacts, as in ch. 3   |
+| residual            | as assumed, no drag   | that law + rigid residual on X1                                      |
+| residual_wrench     | as assumed, no drag   | that law + wrench residual on X1                                     |
 | critique            | model.json            | the critique's law with its effects                                  |
 | compliant           | `fit`                 | body and springs fitted to training contacts by simulation           |
-| compliant_residual  | `fit`                 | those over 12 ms + what they miss (`contact_map`)                    |
+| compliant_residual  | `fit`                 | compliant over 12 ms + its learned residual (`contact_map`)          |
 
-Each belief draws its start from the covariance of the measured start and has uncertain contacts, from training
-residuals: laws scatter in proportion to c_n, compliant models in proportion to the speed.  Each model is also thrown
+Each belief (predictive distribution) draws its start from the measured covariance; contacts are uncertain by training
+residuals: laws scatter in proportion to c_n, compliant models in proportion to the speed.  Each model is also simulated
 once without uncertainty, as in the thesis.  `tables` defines the scores.
 
-Published: 750 throws, of which 500 are public.  For compliant models, the friction of sliding and of the slowest
-contacts is the value on a grid with the least mean |error| of training throws; the others slide with their law's μ.
+The thesis has 750 throws, of which 500 are public.  For compliant models, the friction of sliding and of the slowest
+contacts is the value on a grid with the least mean |error| of training throws; other models slide with the law's μ.
 
-Which mechanisms there are to choose from was read from the residuals of all throws, when the study was first written.
-Later part 0 was set apart: a seed of its own (`parts_seed`) draws it, what was new then was tried on the throws of
-the other parts alone, and part 0 was opened after that.  docs/findings.md says what has been changed since.
+The candidate mechanisms were found in the residuals of all throws, when the study was first written.  Later, part 0 was
+set apart: it is drawn with its own seed (`parts_seed`), new ideas were tried on the throws of the other parts alone,
+and part 0 was opened after that.  docs/findings.md lists later changes.
 """
 
 from dataclasses import dataclass, replace
@@ -62,20 +62,20 @@ class DiceStudy:
 
     Its `tables` by name:
 
-    | table                | holds                                                                                 |
+    | table                | contents                                                                              |
     |----------------------|---------------------------------------------------------------------------------------|
-    | throws, limit        | a row per model and held-out throw; the same for the limit of noise                   |
-    | parameters           | of all models                                                                         |
+    | throws, limit        | a row per model and held-out throw; likewise for the limit due to noise               |
+    | parameters           | parameters of all models                                                              |
     | laws                 | training errors of the six laws on isolated impacts; the study uses the best          |
-    | contact_pits         | PIT and misfit of each held-out contact (of learned impacts: isolated impact)         |
-    | budget               | where the error is made (`budget`)                                                    |
-    | counts               | throws, contacts and impacts used and left out                                        |
+    | contact_pits         | PIT and misfit of each held-out contact (isolated impact, for learned impacts)        |
+    | budget               | contributions to the error (`budget`)                                                 |
+    | counts               | numbers of throws, contacts and impacts used and left out                             |
     """
 
-    releases: ThrowReleases  # all measured ones, training and held out
-    held: "Measured"  # of the held-out throws
-    contacts: MeasuredContacts  # of all throws that train nothing: also of those without a release that is used
-    outcomes: dict[str, HeldOutThrows]  # held-out throws of each model, by its name
+    releases: ThrowReleases  # all measured releases, for training and held out
+    held: "Measured"  # measurements of the held-out throws
+    contacts: MeasuredContacts  # of all throws not used in training, including those without a usable release
+    outcomes: dict[str, HeldOutThrows]  # held-out throws by name of the model
     tables: dict[str, pd.DataFrame]
 
 
@@ -87,11 +87,11 @@ def dice_study(
     settings: DiceStudySettings,
     rng: np.random.Generator,
 ) -> list[DiceStudy]:
-    """Studies of a dataset of throws of a square, one for each held-out part of the throws that is judged.
+    """Study a dataset of throws of a square; one result for each held-out part that is evaluated.
 
-    `hits` are trial and t (s) of all detected hits (arcs.csv), `impacts` the isolated measured ones (impacts.csv);
-    `critique` is the critique's model (model.json), None omits it.
-    Raises UserError if the shape is not a square, or the critique's model has effects that throws do not know.
+    `hits` has trial and t (s) of all detected hits (arcs.csv), `impacts` the isolated measured impacts (impacts.csv);
+    `critique` is the critique's model (model.json) or None to omit it.
+    Raises UserError if the shape is not a square, or the critique's model has effects that throws do not support.
     """
     side = side_of(dataset)
     believed = DiceModel(side / 2, 0.0, dataset.height, dataset.k_g, "mirtich", 0.1, 0.5, dataset.gravity)
@@ -109,14 +109,14 @@ def dice_study(
 
 
 def parts_of(trials: np.ndarray, settings: DiceStudySettings) -> list[np.ndarray]:
-    """The disjoint parts of the throws `trials` (n,), each ascending."""
+    """Divide the throws `trials` (n,) into disjoint parts, each ascending."""
     drawn = np.random.default_rng(settings.parts_seed).permutation(trials)
     return [np.sort(part) for part in np.array_split(drawn, settings.parts)]
 
 
 @dataclass(frozen=True)
 class Measured:
-    """Measurements of some throws."""
+    """Measurements of a set of throws."""
 
     releases: ThrowReleases
     contacts: MeasuredContacts
@@ -124,7 +124,7 @@ class Measured:
     impacts: Impacts
 
     def of(self, trials: np.ndarray) -> "Measured":
-        """Measurements of the throws `trials` (n,)."""
+        """Return the measurements of the throws `trials` (n,)."""
         return Measured(
             *(part.select(np.isin(part.trial, trials)) for part in (self.releases, self.contacts, self.flights)),
             self.impacts.select(np.isin(self.impacts.trial, trials)),
@@ -139,9 +139,9 @@ def _one_part(
     settings: DiceStudySettings,
     rng: np.random.Generator,
 ) -> DiceStudy:
-    """Train all models on the throws that are not in `part` and judge them on those that are."""
+    """Train all models on the throws outside `part`, and evaluate them on the throws in `part`."""
     side = 2.0 * believed.half
-    train_rng, _, named_rng = rng.spawn(3)  # what the second one was for is gone; the third keeps its numbers
+    train_rng, _, named_rng = rng.spawn(3)  # the second is no longer used; the third keeps its random numbers
     stream = streams(named_rng)
     train = np.setdiff1d(measured.releases.trial, part)
     training, held = measured.of(train), measured.of(part)
@@ -188,7 +188,7 @@ def _train(
     settings: DiceStudySettings,
     rng: np.random.Generator,
 ) -> tuple[list[Thrower], pd.DataFrame, int]:
-    """All models from training throws, the errors of the six laws, and the number of outlying contacts."""
+    """Train all models; return them, the errors of the six laws, and the number of outlying contacts."""
     law_rng, named_rng = rng.spawn(2)
     stream = streams(named_rng)
     throwers, law_errors = law_models(believed, training.impacts, training.contacts, settings, law_rng)
@@ -209,7 +209,7 @@ def _train(
 def throw_held_out(
     thrower: Thrower, releases: ThrowReleases, settings: DiceStudySettings, rng: np.random.Generator
 ) -> HeldOutThrows:
-    """All held-out throws of one model, with and without uncertainty."""
+    """Simulate all held-out throws by one model, with and without uncertainty."""
     model = thrower.model
     certain = throw_starts(model, thrower.certain, releases.q, releases.v, settings.throw, rng)
     q, v = perturbed(releases, settings.particles, rng)
@@ -221,20 +221,18 @@ def throw_held_out(
 
 
 def side_of(dataset: Dataset) -> float:
-    """Side in m of the dataset's square; raises UserError unless it is centred with sides along the body's axes."""
+    """Length in m of the square's side; UserError unless it is centred with sides along the body's axes."""
     shape = dataset.shape
     if isinstance(shape, Polygon) and len(shape.vertices) == 4:
         p = np.array(shape.vertices)
         sides = np.linalg.norm(p - np.roll(p, 1, axis=0), axis=1)
         if np.ptp(sides) < 1e-6 * sides[0] and np.allclose(np.abs(p), sides[0] / 2):
             return float(sides[0])
-    raise UserError(
-        f"{dataset.name}: the study of dice needs a square about its centre with sides along the body's axes."
-    )
+    raise UserError(f"{dataset.name}: the study of dice needs a centred square with sides along the body's axes.")
 
 
 def _parameters(thrower: Thrower) -> pd.DataFrame:
-    """The numbers of a model: model, parameter, value."""
+    """Parameters of a model: model, parameter, value."""
     model = thrower.model
     items = {**vars(model), **(vars(model.contact) if model.contact else {})}.items()
     rows = [(thrower.name, name, float(value)) for name, value in items if isinstance(value, float)]

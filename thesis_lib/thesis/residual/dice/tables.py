@@ -1,12 +1,12 @@
-"""Tables of the study of dice: errors and scores by throw and by model, and how well a belief ranks difficulty.
+"""Tables of the study of dice: errors and scores by throw and by model, and rank correlations with the error.
 
     error      = (x measured − x expected)/side,  x expected the mean of the belief
-    face right = the side that is down is the most likely one of the belief
+    face right = the side that is down is the most likely side of the belief
     score      = log p(x, side) of the true end under the belief, x in sides            (`belief.RestBelief`)
     bimodality = (s² + 1)/κ of the errors, with their skewness s and kurtosis κ: 5/9 for a uniform distribution, 1 for
-                 two points, 1/3 for a normal one; Pfister et al., doi 10.3389/fpsyg.2013.00700
+                 two points, 1/3 for a normal distribution; Pfister et al., doi 10.3389/fpsyg.2013.00700
 
-Intervals are the central 95 % of a bootstrap over throws.  foundation/columns.yaml explains every column.
+Intervals are the central 95 % of a bootstrap over throws.  foundation/columns.yaml defines every column.
 """
 
 from collections.abc import Callable
@@ -29,7 +29,7 @@ from thesis_lib.thesis.residual.throwing.calibration import crps, pit_of_gaussia
 from thesis_lib.thesis.residual.throwing.contact_map import ContactMap
 from thesis_lib.thesis.residual.throwing.throw import Throws
 
-FINEST = 1e-8  # (m/s)², so that a law without scatter has a covariance
+FINEST = 1e-8  # (m/s)², keeps the covariance regular for a law without scatter
 PLAIN = "law"  # model whose single end is compared with the beliefs of the others
 
 
@@ -38,17 +38,17 @@ class HeldOutThrows:
     """Held-out throws of one model."""
 
     thrower: Thrower
-    x: np.ndarray  # x, face: (n, M) of particles, in m
+    x: np.ndarray  # x, face: (n, M) position in m and side of the particles
     face: np.ndarray
-    certain: Throws  # without uncertainty
+    certain: Throws  # the same throws without uncertainty
     after_first: np.ndarray  # (n,) spread of the velocity after the first contact in the kinetic norm, m/s
 
 
 def contact_pits(thrower: Thrower, contacts: MeasuredContacts, settings: DiceStudySettings) -> pd.DataFrame:
-    """PIT of held-out contacts under a law with scatter or a contact map: trial, model, pit, misfit, a row per contact.
+    """Table of PITs of held-out contacts for a law with scatter or a contact map: trial, model, pit, misfit.
 
     Velocities `duration` after the first touch are compared in the kinetic metric.  `pit` is the χ² probability in
-    three dimensions, for a contact map Student's t (`calibration`); `misfit` is the distance from the mean in m/s.
+    three dimensions, or Student's t for a contact map (`calibration`); `misfit` is the distance from the mean in m/s.
     """
     model = thrower.model
     rows, q, v, residual, c_n = contact_residuals(model, contacts, settings)
@@ -60,7 +60,7 @@ def contact_pits(thrower: Thrower, contacts: MeasuredContacts, settings: DiceStu
         away = away - mean[:, 3:] * scale
         pit = pit_of_student(away / (std[:, 3:] * scale), thrower.contact.freedom)
     else:
-        # the scatter was measured as a share of c_n at the centre, in this metric
+        # the scatter was estimated as a share of c_n at the centre, in this metric
         share = np.sqrt(np.diag(thrower.contact.relative)) / metric
         cov = ((share * np.maximum(c_n, settings.slowest)[:, None]) ** 2)[:, :, None] * np.eye(3)
         pit = pit_of_gaussian(away, cov + FINEST * np.eye(3))
@@ -70,13 +70,13 @@ def contact_pits(thrower: Thrower, contacts: MeasuredContacts, settings: DiceStu
 
 
 def impact_pits(thrower: Thrower, impacts: Impacts) -> pd.DataFrame:
-    """PIT of held-out isolated impacts under a learned impact: trial, model, pit, misfit, as in `contact_pits`.
+    """Table of PITs of held-out isolated impacts for a learned impact: trial, model, pit, misfit, as in `contact_pits`.
 
-    The covariance is that of the impulse, noise included, through the dynamics (equation 4.14).  For a rigid learner it
+    The impulse's covariance, noise included, is mapped through the dynamics (equation 4.14).  For a rigid learner it
     has rank two, so only the velocities that an impulse through the contact point can reach are compared.
     """
     out = thrower.contact.trained.predict(impacts, covariance=True, noise=True)
-    # in the kinetic metric, or spin that no impulse through the point reaches would leak into the impulse
+    # in the kinetic metric; otherwise spin that no impulse through the point can cause would leak into the impulse
     metric = np.array([1.0, 1.0, impacts.k_g])
     A = np.linalg.pinv(metric[:, None] * out.jacobian)
     away = np.einsum("nij,nj->ni", A, (impacts.v_post - out.v_post) * metric)
@@ -88,7 +88,7 @@ def impact_pits(thrower: Thrower, impacts: Impacts) -> pd.DataFrame:
 
 
 def throw_rows(outcome: HeldOutThrows, releases: ThrowReleases, side: float, rng: np.random.Generator) -> pd.DataFrame:
-    """A row per held-out throw; see foundation/columns.yaml."""
+    """Table with a row per held-out throw; see foundation/columns.yaml."""
     model = outcome.thrower.model
     face = model.face(releases.end[:, 2])
     x = releases.end[:, 0]
@@ -126,7 +126,7 @@ def easy_and_hard(throws: pd.DataFrame, model: str) -> tuple[int, int]:
 
 
 def summary(throws: pd.DataFrame, limit: pd.DataFrame, bootstrap: int, rng: np.random.Generator) -> pd.DataFrame:
-    """A row per model and quantity, with a 95 % bootstrap interval over throws; `limit_…`: the limit of noise."""
+    """Table per model and quantity, with a 95 % bootstrap interval over throws; `limit_…`: limits due to noise."""
     rows, stream = [], streams(rng)
 
     def add(model: object, quantities: dict[str, tuple[np.ndarray, Callable]]) -> None:
@@ -160,7 +160,7 @@ def summary(throws: pd.DataFrame, limit: pd.DataFrame, bootstrap: int, rng: np.r
 
 
 def _wide_over_narrow(width: np.ndarray) -> float:
-    """Ratio of the 95 % to the 5 % quantile of the beliefs' widths, as of the throws that figure 4-10 shows."""
+    """Ratio of the 95 % and 5 % quantiles of the widths of beliefs, as for the throws of figure 4-10."""
     low, high = np.quantile(width, [0.05, 0.95])
     return float(high / low)
 
@@ -170,21 +170,21 @@ def _bimodality(error: np.ndarray) -> float:
 
 
 def _beyond(pair: np.ndarray) -> float:
-    """Size of the mean of the first column less that of the second."""
+    """Absolute mean of the first column minus the absolute mean of the second."""
     return float(np.abs(pair[:, 0].mean()) - np.abs(pair[:, 1].mean()))
 
 
 def _beside_plain(throws: pd.DataFrame) -> dict[str, np.ndarray]:
-    """By model (n, 2): the errors of its throws, and those of the single ends of the same throws by the plain law."""
+    """By model, errors (n, 2) of its throws, and of the single ends of the same throws by the plain law."""
     plain = throws[throws["model"] == PLAIN].set_index("trial")["error_certain"]
     others = throws[throws["model"] != PLAIN].groupby("model", sort=False)
     return {model: np.column_stack([part["error"], plain.loc[part["trial"]]]) for model, part in others}
 
 
 def difficulty(throws: pd.DataFrame, bootstrap: int, rng: np.random.Generator) -> pd.DataFrame:
-    """Rank correlations over throws, with intervals: what should grade how hard a throw is to predict, and how it is.
+    """Rank correlations over throws, with intervals, between measures of difficulty and the actual error.
 
-    `spread` is correlated with the size of the error (`of` = error), and the spread at rest also with the distance of
+    `spread` is correlated with the absolute error (`of` = error), and the spread at rest also with the distance of
     the belief's mean from the plain law's single end (`of` = law).
     """
 
@@ -211,7 +211,7 @@ def difficulty(throws: pd.DataFrame, bootstrap: int, rng: np.random.Generator) -
 def spread(
     values: np.ndarray, statistic: Callable, bootstrap: int, rng: np.random.Generator
 ) -> tuple[float, float, float]:
-    """Bootstrap standard error of a statistic of rows, and its 95 % interval; NaN with fewer than two replicates."""
+    """Bootstrap standard error of a statistic of rows and its 95 % interval; NaN for fewer than two replicates."""
     if bootstrap < 2:
         return np.nan, np.nan, np.nan
     drawn = resampled(values, statistic, bootstrap, rng)

@@ -1,1 +1,1 @@
-"""Simulated throws with uncertain contacts, and beliefs over where a body comes to rest (thesis 4.3.3)."""
+"""Simulated throws with uncertain contacts, and predictive distributions of the resting position (thesis 4.3.3)."""

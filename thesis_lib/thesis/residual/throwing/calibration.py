@@ -1,14 +1,14 @@
-"""Calibration of predictions: coverage, PIT and CRPS, with binomial intervals.
+"""Calibration of predictions: coverage, PIT (probability integral transform) and CRPS, with intervals.
 
-For a scalar y predicted by samples y_1 … y_M, with F their distribution,
+For a scalar y predicted by samples y_1 … y_M:
 
     PIT        u = (#{y_i < y} + U (#{y_i = y} + 1))/(M + 1),  U uniform;  uniform if the prediction is right
     coverage   share of outcomes with |u − 1/2| ≤ level/2     (central regions)
     CRPS       mean |y_i − y| − mean |y_i − y_j|/2            (same unit as y; |y − ŷ| for a point prediction)
 
 For a vector with a Gaussian prediction N(m, S) in d dimensions, u = χ²_d(z), z² = (y − m)ᵀ S⁻¹ (y − m), and the region
-of a level is the ellipsoid u ≤ level.  Held-out outcomes of one trial are dependent, so the interval of a coverage is
-that of a bootstrap over trials.  A level passes if |coverage − level| is at most `MARGIN` or the level lies within it.
+of a level is the ellipsoid u ≤ level.  Held-out outcomes of one trial are dependent, so intervals of coverage are from
+a bootstrap over trials.  A level passes if |coverage − level| is at most `MARGIN` or the interval contains the level.
 
 Source: Gneiting and Raftery 2007, doi:10.1198/016214506000001437.
 """
@@ -33,13 +33,13 @@ def pit_of_samples(outcome: np.ndarray, samples: np.ndarray, rng: np.random.Gene
 
 
 def pit_of_gaussian(away: np.ndarray, cov: np.ndarray) -> np.ndarray:
-    """χ² probability u (n,) of outcome − mean (n, d) under N(0, cov): the smallest region that contains the outcome."""
+    """Probability u (n,) by χ² of the smallest region with the outcome; its error `away` (n, d) is ~ N(0, cov)."""
     z2 = np.einsum("ni,ni->n", away, np.linalg.solve(cov, away[..., None])[..., 0])
     return chi2.cdf(z2, away.shape[1])
 
 
 def pit_of_student(away: np.ndarray, freedom: float) -> np.ndarray:
-    """The same for (outcome − mean)/standard deviation (n, d) under Student's t with uncorrelated coordinates."""
+    """Likewise for (outcome − mean)/standard deviation (n, d) under Student's t with uncorrelated coordinates."""
     d = away.shape[1]
     square = (away**2).sum(1)
     if np.isinf(freedom):
@@ -57,10 +57,10 @@ def crps(outcome: np.ndarray, samples: np.ndarray) -> np.ndarray:
 
 
 def coverage_table(pit: np.ndarray, groups: np.ndarray, rng: np.random.Generator, *, central: bool) -> pd.DataFrame:
-    """Coverage of the regions of `LEVELS`: level, coverage, low, high, passes (1 or 0), n, left_out.
+    """Table of the coverage of the regions of `LEVELS`: level, coverage, low, high, passes (1 or 0), n, left_out.
 
     NaN values of `pit` (n,) are excluded and counted.  `central` is True for a scalar's PIT (regions about the median),
-    False for χ² probabilities.  `groups` (n,) are the trials over which the bootstrap of the interval draws.
+    False for χ² probabilities.  `groups` (n,) are the trials that the bootstrap of the interval resamples.
     """
     kept = np.isfinite(pit)
     inside = 2.0 * np.abs(pit[kept] - 0.5) if central else pit[kept]
@@ -79,7 +79,7 @@ def coverage_table(pit: np.ndarray, groups: np.ndarray, rng: np.random.Generator
 
 
 def pit_histogram(pit: np.ndarray) -> pd.DataFrame:
-    """Shares of PITs in `BINS` equal bins with the 95 % band of a calibrated prediction: pit, share, low, high."""
+    """Histogram of PITs in `BINS` equal bins with the 95 % band of a calibrated prediction: pit, share, low, high."""
     u = pit[np.isfinite(pit)]
     count, edges = np.histogram(u, BINS, (0.0, 1.0))
     n = max(len(u), 1)

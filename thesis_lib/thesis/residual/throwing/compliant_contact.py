@@ -1,6 +1,6 @@
-"""Contacts of finite duration: each corner of a thrown body is a damped spring, and friction has a spring too.
+"""Compliant contacts of finite duration: each corner is a damped spring with a tangential spring for friction.
 
-Two corners that hit within the few milliseconds of a contact press at once, which no sequence of impulses describes.
+Two corners that hit within the few milliseconds of a contact act together, which no sequence of impulses describes.
 With the indentation δ = −φ of a corner, per unit mass of the body,
 
     f_n = max(0, Ω² δ (1 − D v_n) − 2 Z Ω v_n)                    Hunt and Crossley's damping, and a dashpot
@@ -9,7 +9,7 @@ With the indentation δ = −φ of a corner, per unit mass of the body,
     p(x; g) = 1 + g (1 − exp(−((x − x_0)/w)²)),                   x the place of the contact on the surface
     o(θ; b) = 1 − b cos² 2θ                                       1 on the corner, 1 − b flat on a side
 
-p describes a surface with the largest restitution at one place x_0, as of a plate above its support; o a body with
+p describes a surface with the largest restitution at one place x_0, like a plate above its support; o a body with
 larger restitution when it lands flat.  Symplectic Euler with the step `DT` integrates each body, compiled; flights
 between contacts have a closed form.
 
@@ -24,24 +24,24 @@ from numba import njit
 
 from thesis_lib.thesis.residual.throwing.flight import ThrownBody, first_touch, fly
 
-DT = 1e-4  # s; 30 steps in a contact of 3 ms; half the step changes results by less than the scatter (tests)
-LONGEST = 0.012  # s, after which a contact is cut off
-CLEAR = 1e-4  # m, gap above which a corner has left the surface even if it comes back
-_ROUNDS = 12  # of flight and contact, at most
+DT = 1e-4  # s; 30 steps in a contact of 3 ms; halving the step changes results by less than the scatter (tests)
+LONGEST = 0.012  # s, limit of the duration of a contact
+CLEAR = 1e-4  # m, gap above which a corner has left the surface even if it returns
+_ROUNDS = 12  # most alternations of flight and contact
 
 
 @dataclass(frozen=True)
 class CornerContact:
-    """Stiffness, damping and friction of the corners."""
+    """Parameters of the corners: stiffness, damping and friction."""
 
-    omega: float = 1000.0  # Ω, 1/s: root of a corner's stiffness per mass; a contact takes about π/Ω
-    damping: float = 0.3  # d, s/m, Hunt and Crossley's: restitution falls with speed
+    omega: float = 1000.0  # Ω, 1/s: root of a corner's stiffness per mass; a contact lasts about π/Ω
+    damping: float = 0.3  # d, s/m, of Hunt and Crossley: restitution falls with speed
     dashpot: float = 0.1  # ζ, damping ratio: restitution at all speeds
     mu: float = 0.15
     tau: float = 0.5  # τ, tangential over normal stiffness
     dashpot_t: float = 0.1  # ζ_t, damping ratio of the tangential spring
-    place: float = 0.0  # x_0, m: where the surface gives back most
-    width: float = 0.1  # w, m: how far that reaches
+    place: float = 0.0  # x_0, m: place of the largest restitution
+    width: float = 0.1  # w, m: its width
     far: float = 0.0  # g_d, with g_ζ = far_dashpot: more damping far from x_0
     far_dashpot: float = 0.0
     flat: float = 0.0  # b_d, with b_ζ = flat_dashpot: less damping on a flat side
@@ -49,8 +49,8 @@ class CornerContact:
 
     @property
     def margin(self) -> float:
-        """Negative by how far a parameter is outside its meaningful range."""
-        stiffness = min(self.omega / 200.0 - 1.0, 3000.0 / self.omega - 1.0)  # a stiffer one needs smaller steps
+        """Margin of the parameters to their admissible range; negative outside it."""
+        stiffness = min(self.omega / 200.0 - 1.0, 3000.0 / self.omega - 1.0)  # a stiffer contact needs smaller steps
         positive = min(self.damping, self.dashpot, self.mu, self.dashpot_t, self.tau - 0.02, self.width - 0.02)
         below_one = min(0.9 - self.dashpot, 1.0 - self.flat, 1.0 - self.flat_dashpot)
         return min(stiffness, positive, below_one, self.far + 1.0, self.far_dashpot + 1.0)
@@ -59,7 +59,7 @@ class CornerContact:
 def compliant_path(
     body: ThrownBody, contact: CornerContact, q: np.ndarray, v: np.ndarray, until: np.ndarray, dt: float = DT
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Pose and velocity (n, 3) at the times `until` (n,) in s, flights and contacts in turn; NaN for too many."""
+    """Simulate flights and contacts to times `until` (n,) in s; pose and velocity (n, 3), NaN for too many contacts."""
     n = len(q)
     q, v, remaining = np.array(q, float), np.array(v, float), np.array(np.broadcast_to(until, n), float)
     moving = np.arange(n)
@@ -85,7 +85,7 @@ def compliant_path(
 def press(
     body: ThrownBody, contact: CornerContact, q: np.ndarray, v: np.ndarray, left: np.ndarray, dt: float = DT
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """One contact of each of n touching bodies, until no corner presses or is about to return.
+    """Simulate one contact of n touching bodies, until no corner presses or is about to return.
 
     `q` and `v` (n, 3) are at the touch; the contact is cut off after `left` (n,) in s.  Returns pose and velocity
     (n, 3) and the duration (n,) in s.
@@ -96,7 +96,7 @@ def press(
 
 @njit(cache=True, error_model="numpy")
 def _press(constants, u, q, v, limit, dt):
-    """Each body by itself: its steps until it has left the surface or its time is over; changes `q` and `v`."""
+    """Step each body until it has left the surface or its time is over; changes `q` and `v`."""
     omega, damping, dashpot, mu, tau, dashpot_t, place, width, far, far_dashpot, flat, flat_dashpot = constants[:12]
     height, gravity, k2, rho = constants[12:]
     stiffness, stiffness_t = omega**2, tau * omega**2
@@ -133,11 +133,11 @@ def _press(constants, u, q, v, limit, dt):
                 z[k] += v_t[k] * h
                 most = mu * f_n
                 f_t = -stiffness_t * z[k] - drag_t * v_t[k]
-                if abs(f_t) > most:  # a sliding spring has the length of the force it carries
+                if abs(f_t) > most:  # the length of a sliding spring corresponds to its force
                     z[k] = min(max(z[k], -most / stiffness_t), most / stiffness_t)
                     f_t = min(max(f_t, -most), most)
                 if gap[k] >= 0.0:
-                    z[k] = 0.0  # in the air it is slack
+                    z[k] = 0.0  # slack without contact
                 push_x += f_t
                 push_y += f_n
                 couple += r_x[k] * f_n - r_y[k] * f_t

@@ -1,15 +1,15 @@
-"""The contact map: the path of a model over the time of a contact, and what it misses, learned.
+"""The contact map: a model's motion over the duration of a contact, with a learned residual.
 
-Two corners that hit within milliseconds are not an impulse at one point, and the camera cannot separate such hits to
-train a law with a correction at each.  So the model simulates all that happens in the time T after the first touch, and
+Hits of two corners within milliseconds are not an impulse at one point, and the camera cannot separate such hits to
+train a correction at each.  Therefore the model simulates everything in the time T after the first touch, and
 a process learns its error at the end: in velocity (Δv_x, Δv_y, k Δω: a wrench per unit mass) and pose.  This extends
 the thesis's residual.  With the speed s before contact
 
     (Δx, Δy, k Δθ) = s T f_q(X),   (Δv_x, Δv_y, k Δω) = s f_v(X)
     X = (sin 4θ, cos 4θ, v_x/s, v_y/s, k ω/s, log s, x, sin θ, cos θ)
 
-since impacts are homogeneous of degree 1 in the velocity, the four sides of a square are nearly equal (4θ), the corners
-of a real one are not quite (θ), and surfaces vary with x.  Noise is proportional to s, too, but fast contacts repeat
+as impacts are homogeneous of degree 1 in the velocity, the four sides of a square are nearly equal (4θ), the corners
+of a real square are not quite (θ), and surfaces vary with x.  Noise is also proportional to s, but fast contacts repeat
 better than slow ones, so each range of speeds has its own process.
 
 The remaining errors have heavier tails than a Gaussian.  Their standardised leave-one-out residuals z are assumed to
@@ -35,14 +35,14 @@ from thesis_lib.learners.marginal_likelihood import noisy
 from thesis_lib.thesis.residual.throwing.propagation import Distribution, Sampled
 
 FREEDOMS = (2.5, 3.0, 4.0, 6.0, 10.0, 20.0, 50.0, np.inf)
-_EM = 30  # iterations; scales change by less than a per cent after ten
+_EM = 30  # iterations; scales change by less than one per cent after ten
 
 
 @dataclass(frozen=True)
 class Regime:
-    """Error at speeds up to `fastest` (m/s): a process, or None for its scatter alone.
+    """Residual at speeds up to `fastest` (m/s): a Gaussian process, or None for the scatter alone.
 
-    `scale` is a (6,) of z; without a process, of the residual itself.
+    `scale` is a (6,) of z or, without a process, of the residual itself.
     """
 
     fastest: float
@@ -52,7 +52,7 @@ class Regime:
 
 @dataclass
 class ContactMap(Sampled):
-    """The path of a model over `duration` (s) after the first touch, and its error; see the module's text.
+    """Uncertain contact: a model's motion over `duration` (s) after the first touch, and its residual (see the module).
 
     Contacts slower than `slowest` (m/s) follow the law.
     """
@@ -63,7 +63,7 @@ class ContactMap(Sampled):
     slowest: float = 0.12
 
     def distribution(self, q: np.ndarray, v: np.ndarray, r: np.ndarray, slow: np.ndarray) -> Distribution:
-        """State (n, 6) after `duration` and its diagonal covariance, noise included."""
+        """Return the state (n, 6) after `duration` and its diagonal covariance, noise included."""
         mean, cov, took = super().distribution(q, v, r, slow)
         fast = np.flatnonzero(v[:, 1] + r[:, 0] * v[:, 2] < -self.slowest)
         if not len(fast):
@@ -77,11 +77,11 @@ class ContactMap(Sampled):
         return mean, cov, took
 
     def missed(self, q: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Mean and standard deviation (n, 6) of the residual at touches."""
+        """Predict mean and standard deviation (n, 6) of the residual at touches."""
         speed = velocity_error(v, self.body.k_g)
         X = contact_features(q, v, self.body.k_g)
         mean, std = np.zeros((len(q), 6)), np.zeros((len(q), 6))
-        # a covariance is larger than the square of the scale
+        # the covariance of Student's t is larger than the square of its scale
         wide = 1.0 if np.isinf(self.freedom) else np.sqrt(self.freedom / (self.freedom - 2.0))
         for regime, rows in zip(self.regimes, split(speed, [regime.fastest for regime in self.regimes])):
             process = regime.process
@@ -103,7 +103,7 @@ def split(speed: np.ndarray, edges: list[float]) -> list[np.ndarray]:
 
 
 def contact_features(q: np.ndarray, v: np.ndarray, k_g: float) -> np.ndarray:
-    """X (n, 9) of the module's text, with the speed s = √(v_x² + v_y² + k² ω²)."""
+    """Features X (n, 9) of the module's docstring, with the speed s = √(v_x² + v_y² + k² ω²)."""
     speed = velocity_error(v, k_g)
     direction = v * [1.0, 1.0, k_g] / speed[:, None]
     angle = 4.0 * q[:, 2]
@@ -112,7 +112,7 @@ def contact_features(q: np.ndarray, v: np.ndarray, k_g: float) -> np.ndarray:
 
 
 def residual_unit(v: np.ndarray, k_g: float, duration: float) -> np.ndarray:
-    """State change (n, 6) for a residual of one: s T of x, y, k θ and s of v_x, v_y, k ω."""
+    """Change of state (n, 6) for a residual of 1: s T for x, y, k θ and s for v_x, v_y, k ω."""
     unit = np.array([duration, duration, duration / k_g, 1.0, 1.0, 1.0 / k_g])
     return velocity_error(v, k_g)[:, None] * unit
 
@@ -122,7 +122,7 @@ def leave_one_out(process: GaussianProcess) -> np.ndarray:
     z, x = np.empty_like(process.y), torch.as_tensor(process.x)
     theta = np.log(np.column_stack([process.lengthscale, process.signal, process.noise]))
     for i in range(z.shape[1]):
-        # the residuals of wild measurements count like all others
+        # residuals of outliers have the same weight as all others
         L = factor(noisy(theta[i], x, torch.ones(len(x), dtype=x.dtype))[0])
         alpha = solve(L, torch.as_tensor(np.ascontiguousarray(process.y[:, i])))
         z[:, i] = (alpha / inverse_diagonal(L).sqrt()).numpy()
@@ -130,7 +130,7 @@ def leave_one_out(process: GaussianProcess) -> np.ndarray:
 
 
 def student(parts: list[np.ndarray]) -> tuple[list[np.ndarray], float]:
-    """Maximum-likelihood scales (d,) of the rows (n_i, d) of each part, and their common degrees of freedom."""
+    """Fit Student's t: scales (d,) of the rows (n_i, d) of each part, and their common degrees of freedom."""
     best = None
     for freedom in FREEDOMS:
         fits = [_student_scale(z, freedom) for z in parts]

@@ -1,18 +1,18 @@
-"""Free flight of many thrown polygons in closed form, and the time at which each first touches the surface.
+"""Free flight of many thrown polygons in closed form, and the time of first touch of each.
 
-Between contacts only gravity and linear drag act, and a flight needs no time steps:
+Between contacts only gravity and linear drag act, so no time steps are needed:
 
     x(t) = x + v_x s,   y(t) = y + (v_y + g/c_v) s − g t/c_v,   θ(t) = θ + ω s_w,
     s = (1 − e^{−c_v t})/c_v,   s_w = (1 − e^{−c_w t})/c_w                        (s → t where c → 0)
 
-A corner is a disk of radius ρ about u_i (body frame, from the centre of mass).  Its gap, and the gap's rate, are
+A corner is a disk of radius ρ around u_i (body frame, from the centre of mass).  Its gap and rate of the gap are
 
     φ_i = y + u_i,x sin θ + u_i,y cos θ − ρ − h,      φ̇_i = v_y + ω (u_i,x cos θ − u_i,y sin θ)
 
 Conservative advancement finds the first touch.  In a flight φ̈_i ≥ −A with A = g + c_v max(v_y, 0) + R (ω² + c_w |ω|),
 R = max |u_i|, so no corner touches before the positive root of φ_i + φ̇_i t − A t²/2 = 0.  Steps of the least of these
-roots never pass a touch and converge near it like Newton's method.  The search is compiled: it is most of what a throw
-costs.
+roots never pass a touch and converge near it like Newton's method.  The search is compiled, as it takes most of the
+time of a throw.
 
 Source: conservative advancement, Mirtich, Impulse-based Dynamic Simulation, thesis, UC Berkeley 1996, section 2.3;
 the bound for flight with linear drag is derived here.
@@ -24,15 +24,15 @@ from functools import cached_property
 import numpy as np
 from numba import njit
 
-TOUCH = 1e-7  # m, gap at which a corner touches: far below the resolution of a camera, far above rounding
-_ADVANCES = 200  # steps of the advancement; ten are usual, and bodies that need more count as touching
+TOUCH = 1e-7  # m, gap at which a corner counts as touching: far below the resolution of a camera, far above rounding
+_ADVANCES = 200  # most steps of the advancement; ten are usual, and bodies that need more than this count as touching
 
 
 @dataclass(frozen=True)
 class ThrownBody:
-    """A thrown polygon with rounded corners over a level surface.
+    """Thrown polygon with rounded corners over a level surface.
 
-    Poses (n, 3) in m, rad and velocities (n, 3) in m/s, rad/s are those of its centre of mass.
+    Poses (n, 3) in m, rad and velocities (n, 3) in m/s, rad/s refer to its centre of mass.
     """
 
     u: np.ndarray  # (k, 2) m, centres of the corners' arcs from the centre of mass
@@ -45,14 +45,14 @@ class ThrownBody:
 
     @cached_property
     def reach(self) -> float:
-        """R = max |u_i| in m."""
+        """Largest distance R = max |u_i| in m."""
         return float(np.max(np.hypot(*self.u.T)))
 
     @cached_property
     def faces(self) -> np.ndarray:
         """Angles (k,) in rad, within (−π, π], at which the body lies on each side (from corner i to i + 1)."""
         along = np.roll(self.u, -1, axis=0) - self.u
-        # the side's outward normal points down: turn it by −π/2 − its direction
+        # the side's outward normal must point down: rotate it by −π/2 − its direction
         outward = np.arctan2(-along[:, 0], along[:, 1])
         return np.pi - np.mod(outward + 1.5 * np.pi, 2.0 * np.pi)
 
@@ -64,12 +64,12 @@ class ThrownBody:
 
     @cached_property
     def barrier(self) -> float:
-        """Least rise in m of the centre of mass needed to roll from any side to a neighbour."""
+        """Least rise in m of the centre of mass that is needed to roll from any side to its neighbour."""
         top = np.hypot(*self.u.T) + self.rho
         return float(np.min(np.minimum(top, np.roll(top, -1)) - self.rest_height))
 
     def face(self, theta: np.ndarray) -> np.ndarray:
-        """Index (n,) of the side nearest to lying on the surface at angle `theta` (n,)."""
+        """Index (n,) of the side that is nearest to lying on the surface at angle `theta` (n,)."""
         turn = np.abs(np.mod(theta[:, None] - self.faces + np.pi, 2.0 * np.pi) - np.pi)
         return np.argmin(turn, axis=1)
 
@@ -123,13 +123,13 @@ def first_touch(body: ThrownBody, q: np.ndarray, v: np.ndarray) -> tuple[np.ndar
 
 @njit(cache=True, error_model="numpy")
 def _first_touch(constants, u, q, v):
-    """The steps of the advancement, each body by itself."""
+    """Conservative advancement of each body."""
     rho, height, reach, g, c_v, c_w = constants
     n, corners = len(q), len(u)
     t, corner = np.zeros(n), np.zeros(n, np.int64)
     for i in range(n):
         v_y, spin = v[i, 1], abs(v[i, 2])
-        # A bounds the downward acceleration of every corner for the whole flight, since drag only slows
+        # A bounds the downward acceleration of every corner for the whole flight, since drag only decelerates
         A = g + c_v * max(v_y, 0.0) + reach * spin * (spin + c_w)
         for _ in range(_ADVANCES):
             # `fly`, of y and θ alone

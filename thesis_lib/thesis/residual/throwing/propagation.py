@@ -1,4 +1,4 @@
-"""Uncertain contacts (thesis section 4.3.3): a Gaussian over states after contact, and feasible samples of it.
+"""Uncertain contacts (thesis section 4.3.3): a Gaussian over states after contact, and feasible samples from it.
 
     s⁺ ~ N(m(s), S(s)),   S = A Σ A' in the velocity, 0 in the pose (and in both for the contact map)
 
@@ -7,7 +7,7 @@ law replaces them.  Three uncertain contacts:
 
     scattered law      c = c_law + c_n ξ,    ξ ~ N(0, Ξ)          Ξ from training residuals, (c_t, c_n, τ)/c_n
     learned impact     c ~ N(c̄, Σ) of a trained model of `learners`   eqs. 4.12 to 4.15
-    contact map        the model's path over a time T + what it misses        double hits as one event (`contact_map`)
+    contact map        the model's motion over a time T + learned residual    double hits as one event (`contact_map`)
 
 Sources: Bauza and Rodriguez, GP-SUM, arXiv 1709.08120; Fazeli, Ajay, Rodriguez, ICRA 2020, arXiv 2009.03994.
 """
@@ -24,26 +24,26 @@ from thesis_lib.thesis.residual.throwing.flight import ThrownBody
 from thesis_lib.thesis.residual.throwing.throw import LawImpact
 
 DRAWS = 20  # most samples per state
-PENETRATION = 1e-3  # m; deeper poses are rejected, shallower ones lifted: contacts dent by a millimetre
+PENETRATION = 1e-3  # m; deeper poses are rejected, shallower poses lifted: contacts indent by a millimetre
 
 
-# of state after contact: mean (n, 6) in m, rad and m/s, rad/s, covariance (n, 6, 6); and its duration (n,) in s
+# state after contact: mean (n, 6) in m, rad and m/s, rad/s, covariance (n, 6, 6); and duration (n,) in s
 Distribution = tuple[np.ndarray, np.ndarray, np.ndarray]
 
 
 @dataclass
 class Sampled:
-    """Base of uncertain contacts: an `ImpactModel` that draws from its distribution."""
+    """Base class of uncertain contacts: an `ImpactModel` that draws samples from its distribution."""
 
     body: ThrownBody
-    law: LawImpact  # for contacts outside the training, and where no sample is feasible
+    law: LawImpact  # used for contacts outside the training range, and if no sample is feasible
     deterministic: bool = False  # take the mean instead of a sample
-    freedom: float = np.inf  # degrees of freedom of Student's t for samples of the same covariance; ∞: Gaussian
+    freedom: float = np.inf  # degrees of freedom of Student's t for samples with the same covariance; ∞: Gaussian
 
     def __call__(
         self, q: np.ndarray, v: np.ndarray, r: np.ndarray, slow: np.ndarray, rng: np.random.Generator
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """A feasible sample of the outcome."""
+        """Draw a feasible sample of the outcome."""
         mean, cov, took = self.distribution(q, v, r, slow)
         out = mean.copy()
         uncertain = np.einsum("nii->n", cov) > 0.0
@@ -54,7 +54,7 @@ class Sampled:
             noise = self.noise(len(pending), rng)
             out[pending] = mean[pending] + np.einsum("nij,nj->ni", root[pending], noise)
             good = self.feasible(q[pending], v[pending], r[pending], out[pending], took[pending])
-            # outcomes of the law are not samples
+            # outcomes of the law are certain and not redrawn
             pending = pending[~(good | ~uncertain[pending])]
             if not len(pending):
                 break
@@ -71,14 +71,14 @@ class Sampled:
         return q_new, v_new, took
 
     def noise(self, n: int, rng: np.random.Generator) -> np.ndarray:
-        """Samples (n, 6) of mean 0 and covariance 1."""
+        """Draw samples (n, 6) with mean 0 and covariance 1."""
         normal = rng.standard_normal((n, 6))
         if np.isinf(self.freedom):
             return normal
         return normal * np.sqrt((self.freedom - 2.0) / rng.chisquare(self.freedom, n))[:, None]
 
     def distribution(self, q: np.ndarray, v: np.ndarray, r: np.ndarray, slow: np.ndarray) -> Distribution:
-        """The law, without scatter."""
+        """Return the outcome of the law, without scatter."""
         _, after, _ = self.law(q, v, r, slow)
         n = len(q)
         return np.hstack([q, after]), np.zeros((n, 6, 6)), np.zeros(n)
@@ -98,12 +98,12 @@ class Sampled:
 
 @dataclass
 class ScatteredLaw(Sampled):
-    """A law whose impulse scatters in proportion to its normal part; `relative` is Ξ (3, 3) in 1, 1, m."""
+    """Law whose impulse scatters in proportion to its normal part; `relative` is Ξ (3, 3) in 1, 1, m."""
 
     relative: np.ndarray = field(default_factory=lambda: np.zeros((3, 3)))
 
     def distribution(self, q: np.ndarray, v: np.ndarray, r: np.ndarray, slow: np.ndarray) -> Distribution:
-        """The law's outcome, and A Ξ A' c_n²; slow contacts are certain."""
+        """Return the law's outcome with covariance A Ξ A' c_n²; slow contacts are certain."""
         mean, cov, took = super().distribution(q, v, r, slow)
         if self.deterministic:
             return mean, cov, took
@@ -116,13 +116,13 @@ class ScatteredLaw(Sampled):
 
 @dataclass
 class LearnedImpact(Sampled):
-    """A trained contact model of `learners`, for contacts faster than `slowest` (m/s)."""
+    """Trained contact model of `learners`, for contacts faster than `slowest` (m/s)."""
 
     trained: ImpulseLearner | None = None
     slowest: float = 0.3
 
     def distribution(self, q: np.ndarray, v: np.ndarray, r: np.ndarray, slow: np.ndarray) -> Distribution:
-        """Mean impulse and its covariance, noise included, through the dynamics."""
+        """Return mean impulse and covariance, noise included, mapped through the dynamics."""
         mean, cov, took = super().distribution(q, v, r, slow)
         fast = np.flatnonzero(v[:, 1] + r[:, 0] * v[:, 2] < -self.slowest)
         if not len(fast):

@@ -1,8 +1,8 @@
-"""Throws of many particles at once, flight by flight and impact by impact, until they come to rest.
+"""Simulation of throws of many particles at once, flight by flight and impact by impact, until they are at rest.
 
-Each round takes all moving particles to their next contact: flight in closed form to the first touch
+Each round moves all particles to their next contact: flight in closed form to the first touch
 (`flight.first_touch`), then one call of the impact model.  Two corners that hit within a step take two rounds, the
-second with a flight of zero length; at a tie the faster corner is first.  A round is the integral over the earlier
+second with a flight of zero length; at a tie, the faster corner is first.  A round is the integral over the earlier
 state (thesis, eq. 4.17) by samples: every particle draws its own next state.
 
 A particle is at rest once it can no longer leave its side.  After each impact,
@@ -10,15 +10,15 @@ A particle is at rest once it can no longer leave its side.  After each impact,
     E = (v_y² + k² ω²)/2 + g (y − y_side)  <  f g (y_corner − y_side)
 
 with y_corner the height of the centre above the surface on the lower of the side's two corners; f (setting `settle`) is
-small so that the omitted hops move nothing.  The infinitely many hops of a real bounce (Zeno) end here: friction at the
-mean impulse of many small hops is that of sliding, so the remaining v_x is lost at the rate μ g + c_v v_x, over
+small, so the omitted hops are negligible.  The infinitely many hops of a real bounce (Zeno) end here: friction at the
+mean impulse of many small hops equals sliding friction, so the remaining v_x is lost at the rate μ g + c_v v_x, over
 
     Δx = sign(v_x) (|v_x|/c_v − (μ g/c_v²) ln(1 + c_v |v_x|/(μ g)))         (v_x²/(2 μ g) where c_v → 0)
 
-and the angle is that of the side.  A body that tips over a corner, or slides on it, touches it all the time, which as
-impacts is again infinitely many.  As in Mirtich's microcollisions, contacts slower than `micro` have restitution 1: the
-hops stay small, gain no energy, and carry the contact's weight and friction on average.  Particles that still move
-after `max_contacts` contacts are counted and laid on their nearest side.
+and the angle becomes that of the side.  A body that tips over a corner, or slides on it, has lasting contact, which in
+impacts is again infinitely many.  As in Mirtich's microcollisions, contacts slower than `micro` have restitution 1:
+hops stay small, gain no energy, and transmit weight and friction on average.  Particles that still move
+after `max_contacts` contacts are counted and put on their nearest side.
 
 In code, f is `settle` and μ `mu_slide`; poses are in m and rad, velocities in m/s and rad/s.
 
@@ -38,17 +38,17 @@ from thesis_lib.mechanics.state import State
 from thesis_lib.thesis.residual.throwing.flight import ThrownBody, first_touch, fly
 from thesis_lib.thesis.residual.throwing.settings import ThrowSettings
 
-# A model that resolves one contact of each of n particles, called as model(q, v, r, slow, rng): pose and velocity
+# Model that resolves one contact of each of n particles, called as model(q, v, r, slow, rng): pose and velocity
 # (n, 3) at the touch, contact point r (n, 2), and a mask (n,) of contacts that must keep their energy (see above).
-# It gives pose and velocity (n, 3) after contact, and its duration (n,) in s, 0 for an impulse.
+# It returns pose and velocity (n, 3) after contact, and the duration (n,) in s, 0 for an impulse.
 ImpactModel = Callable[..., tuple[np.ndarray, np.ndarray, np.ndarray | float]]
 
 
 @dataclass(frozen=True)
 class LawImpact:
-    """The `ImpactModel` of a law with constant parameters on a body with radius of gyration `k_g` (m).
+    """An `ImpactModel` by a law with constant parameters for a body with radius of gyration `k_g` (m).
 
-    `effects`, with their parameters, act on (μ, ε) and on the impulse; `rig` is the body and the rig as they see it.
+    `effects`, with their parameters, act on (μ, ε) and on the impulse; `rig` is the body and set-up that they use.
     """
 
     law: Law
@@ -61,7 +61,7 @@ class LawImpact:
     def __call__(
         self, q: np.ndarray, v: np.ndarray, r: np.ndarray, slow: np.ndarray, rng: np.random.Generator | None = None
     ) -> tuple[np.ndarray, np.ndarray, float]:
-        """The pose unchanged, velocity after impact, zero time; a law draws nothing."""
+        """Return the unchanged pose, the velocity after impact, and zero duration; a law does not use `rng`."""
         with np.errstate(all="ignore"):
             space = contact_space(v, r, mass=1.0, k_g=self.k_g)
             if self.effects:
@@ -86,19 +86,19 @@ class LawImpact:
 
 
 def push(v: np.ndarray, r: np.ndarray, impulse: np.ndarray, k_g: float) -> np.ndarray:
-    """v⁺ = v + M⁻¹ Jᵀ c for impulses per unit mass (n, 2) = (c_t, c_n), or (n, 3) with a couple about r."""
+    """Velocity v⁺ = v + M⁻¹ Jᵀ c after impulses per unit mass (n, 2) = (c_t, c_n), or (n, 3) with a couple about r."""
     couple = impulse[:, 2] if impulse.shape[1] == 3 else None
     return v + velocity_change((impulse[:, 0], impulse[:, 1]), r.T, 1.0 / (k_g * k_g), couple=couple).T
 
 
 @dataclass(frozen=True)
 class Throws:
-    """Ends of n particles, and states on the way."""
+    """Results of n throws: final states, and states after the first contacts."""
 
-    q: np.ndarray  # (n, 3) pose at rest; θ keeps its whole turns
+    q: np.ndarray  # (n, 3) pose at rest; θ includes whole turns
     face: np.ndarray  # (n,) side on which it lies
-    settled: np.ndarray  # (n,) whether the criterion was met (else: laid down after `max_contacts`)
-    contacts: np.ndarray  # (n,) contacts, nearby hits merged
+    settled: np.ndarray  # (n,) whether the criterion of rest was met (else: put on a side after `max_contacts`)
+    contacts: np.ndarray  # (n,) number of contacts, nearby hits merged
     # snapshot_q, snapshot_v: (snapshots, n, 3) just after the last hit of each of the first contacts; else NaN
     snapshot_q: np.ndarray
     snapshot_v: np.ndarray
@@ -114,7 +114,7 @@ def simulate_throws(
     settings: ThrowSettings,
     rng: np.random.Generator,
 ) -> Throws:
-    """Throw n particles from pose `q` and velocity `v` (n, 3), all above the surface, until they are at rest."""
+    """Simulate n particles from pose `q` and velocity `v` (n, 3), all above the surface, until they are at rest."""
     n, kept = len(q), settings.snapshots
     q, v = np.array(q, float), np.array(v, float)
     contacts, settled = np.zeros(n, int), np.zeros(n, bool)
@@ -146,7 +146,7 @@ def simulate_throws(
 def state_at(
     body: ThrownBody, q: np.ndarray, v: np.ndarray, until: np.ndarray, impact: LawImpact, settings: ThrowSettings
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Pose and velocity (n, 3) at the times `until` (n,) in s, NaN beyond `max_contacts`."""
+    """Simulate to the times `until` (n,) in s; pose and velocity (n, 3), NaN beyond `max_contacts`."""
     n = len(q)
     q, v, remaining = np.array(q, float), np.array(v, float), np.array(np.broadcast_to(until, n), float)
     moving = np.arange(n)
@@ -170,9 +170,9 @@ def _next_contact(
     settings: ThrowSettings,
     rng: np.random.Generator | None = None,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Pose and velocity (n, 3) after the next contact, or after `left` (n,) in s if that is before it.
+    """Simulate to the end of the next contact, or for `left` (n,) in s if that is earlier; pose and velocity (n, 3).
 
-    Also the time (n,) in s that flight and contact take, and a mask (n,) of those that touch.
+    Also return the time (n,) in s of flight and contact, and a mask (n,) of the particles that touch.
     """
     t, corner = first_touch(body, q, v)
     touches = t < left
@@ -188,7 +188,7 @@ def _next_contact(
 
 
 def lies(body: ThrownBody, q: np.ndarray, v: np.ndarray, settle: float) -> np.ndarray:
-    """Mask (n,) of bodies that can no longer leave their side; see the module's text."""
+    """Mask (n,) of bodies that can no longer leave their side (see the module)."""
     above = q[:, 1] - body.height - body.rest_height[body.face(q[:, 2])]
     energy = 0.5 * (v[:, 1] ** 2 + (body.k_g * v[:, 2]) ** 2) + body.gravity * above
     return energy < settle * body.gravity * body.barrier
