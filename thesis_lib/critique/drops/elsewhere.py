@@ -1,16 +1,16 @@
-"""Hits on something that is not the surface: a hand in flight, another object on the table.
+"""Hits on an object other than the surface: a hand in flight, another object on the table.
 
-They show in two ways, and neither depends on the law of contact:
+Such hits appear in two forms, neither of which depends on the law of contact:
 
-- between two free flights the velocity jumps (`off_surface`) where the final model, too, has the body far from the
-  surface.  No fit uses such a hit.  It counts if a hit on the surface follows in its trial: what catches a body in the
-  end says nothing of the flights that are used;
-- a single hit that is used, but at which the final model has the body above or below the surface, or lets it touch so
-  much later that the flights do not meet, by many times the noise and by many times what the other hits differ.
+- between two free flights the velocity jumps (`off_surface`) where the body is far from the surface in the final model,
+  too.  No fit uses such a hit.  It counts if a hit on the surface follows in its trial: an object that stops the body
+  at the end of a trial does not affect the flights that are used;
+- a single hit is used, but in the final model the body is then above or below the surface, or touches it so much later
+  that the flights do not meet, by many times the noise and many times the spread of the other hits.
 
-One such hit may be an error of tracking.  Hits like it in several trials are a cause that no effect of the library has:
-the verdict is `unexplained` then.  In the plane a release also counts as a hit away from the walls, so that it is not
-judged there.
+One such hit may be an error of tracking.  Such hits in several trials have a cause that no effect in the library
+describes, so the verdict is `unexplained`.  Planar data are not judged: there a release also counts as a hit away from
+the walls.
 """
 
 from collections.abc import Sequence
@@ -30,8 +30,8 @@ from thesis_lib.datasets.impacts.found import Away
 from thesis_lib.statistics.spread import robust_std
 
 SHOWN = 5  # hits that are listed
-PUSHED = 0.5  # of a change of velocity that the final model must leave: what a camera bends is gone by then
-LEAST = 0.05  # m/s of it; a weaker push leaves no trace that matters
+PUSHED = 0.5  # share of a velocity change that the final model must leave; by then no distortion by a camera is left
+LEAST = 0.05  # m/s, least velocity change that the model must leave; a weaker push does not matter
 
 
 @dataclass(frozen=True)
@@ -39,7 +39,7 @@ class HitsElsewhere:
     """Hits away from the surface.
 
     Attributes:
-        trials: of how many trials; of: out of how many.
+        trials: number of trials with such hits; of: number of all trials.
         hits: trial and time in s since the first sample of the trial, by trial and time.
     """
 
@@ -48,13 +48,13 @@ class HitsElsewhere:
     hits: Sequence[tuple[int, float]]
 
     def content(self) -> dict:
-        """For diagnosis.json."""
+        """Content for diagnosis.json."""
         shown = [{"trial": trial, "t": t} for trial, t in self.hits[:SHOWN]]
         return {"trials": self.trials, "of": self.of, "hits": len(self.hits), "first": shown, "unit": "s"}
 
 
 def hits_elsewhere(final: Fit, o: Observations, settings: ElsewhereSettings) -> HitsElsewhere | None:
-    """Hits away from the surface, if there are more than errors of tracking would make; else None."""
+    """Hits away from the surface, if there are more than tracking errors would explain; else None."""
     if o.space.is_plane or not o.arcs or not len(o):
         return None
     hits: list[tuple[int, float]] = []
@@ -62,9 +62,10 @@ def hits_elsewhere(final: Fit, o: Observations, settings: ElsewhereSettings) -> 
         dynamics, out = final.on(o).dynamics, o.found.left_out
         seen = away.after.velocity - away.before.velocity
         pushed = np.linalg.norm(seen - _bent(dynamics, away), axis=0)
-        # the geometry that was believed, by which they were left out, and the camera's may be what is wrong
+        # hits were left out by the assumed geometry and camera, which may be wrong
         far = np.abs(dynamics.gap(dynamics.to_true(away.before))) > OFF_SURFACE * o.rig.shape.extent
-        far &= pushed > np.maximum(PUSHED * np.linalg.norm(seen, axis=0), LEAST)
+        least = np.maximum(LEAST, settings.push * away.std)
+        far &= pushed > np.maximum(PUSHED * np.linalg.norm(seen, axis=0), least)
         last = dict(zip(o.trial.tolist(), o.impact.tolist()))  # rows are sorted by trial and time
         number = out["impact"][out["reason"] == ELSEWHERE].to_numpy()
         far &= number < [last.get(trial, -1) for trial in away.before.trial.tolist()]
@@ -83,7 +84,7 @@ def hits_elsewhere(final: Fit, o: Observations, settings: ElsewhereSettings) -> 
 
 
 def _may_hop(dynamics: Dynamics, single: Observations, guard: float) -> np.ndarray:
-    """Which hits (n,) may be several, of a body that hops unseen within `guard` (s) on both sides of the hit."""
+    """Mask (n,) of hits that may be several, of a body that hops unseen within `guard` (s) on both sides of a hit."""
     before, after = (dynamics.to_true(single.lines(side)) for side in (0, 1))
     speeds = np.abs([contact_velocity(state, single.rig)[2] for state in (before, after)])
     lasts = -dynamics.gap(before) * (1.0 / np.maximum(speeds, 1e-3)).sum(axis=0)
@@ -91,7 +92,7 @@ def _may_hop(dynamics: Dynamics, single: Observations, guard: float) -> np.ndarr
 
 
 def _bent(dynamics: Dynamics, away: Away) -> np.ndarray:
-    """Change (3, n) of the velocity in m/s that a flight has which the model bends, where gravity alone is believed."""
+    """Change of velocity (3, n) in m/s during the flight in the model, beyond the change by assumed gravity alone."""
     before, after = (
         dynamics.later(tau, away.before).velocity - dynamics.rig.fall(away.before)[:3] * tau for tau in away.middle.T
     )

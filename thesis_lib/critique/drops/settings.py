@@ -11,7 +11,7 @@ Name = Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]*$")]
 
 
 class OneBody(Section):
-    """When drops count as those of two bodies, or of none that moves in a plane; tried on every simulated cause."""
+    """Limits beyond which drops are of two bodies, or of a motion that is not planar; tried on all simulated causes."""
 
     shrink: float = Field(
         3.0, gt=1, description="scatter with one body over that with two: splitting an even spread gives 2"
@@ -20,13 +20,13 @@ class OneBody(Section):
         9.0, gt=0, description="difference of χ² at which a trial clearly belongs to one body: odds of 90 to 1"
     )
     unclear: float = Field(
-        0.15, ge=0, le=1, description="largest share of trials without a clear body: what drifts leaves many in between"
+        0.15, ge=0, le=1, description="largest share of trials without a clear body: a drift leaves many in between"
     )
     smallest: float = Field(
-        0.2, ge=0, le=0.5, description="least share of trials of either body: fewer may be wild ones"
+        0.2, ge=0, le=0.5, description="least share of trials of either body: fewer may be outliers"
     )
     near_noise: float = Field(
-        1.5, ge=1, description="scatter over a known noise: two bodies must stay below it, as one alone may not"
+        1.5, ge=1, description="scatter over a known noise: with two bodies it must be below this, with one above"
     )
     sideways: float = Field(
         0.4,
@@ -37,7 +37,7 @@ class OneBody(Section):
 
 
 class TermChoice(Section):
-    """Which terms are candidates, where no effect of the library explains."""
+    """Choice of the terms that are candidates if no effect in the library explains the error."""
 
     fitted: int = Field(
         12, ge=1, description="terms fitted at each start, the best by the regression, beside all single factors"
@@ -54,28 +54,34 @@ class TermChoice(Section):
 
 
 class ElsewhereSettings(Section):
-    """When hits away from the surface are more than errors of tracking (`elsewhere`)."""
+    """Limits beyond which hits away from the surface are more than errors of tracking (`elsewhere`)."""
 
     sigmas: float = Field(
         20.0,
         gt=0,
-        description="sigmas of noise, and of the spread of all hits, by which a single hit is off the surface; where "
-        "nothing else is hit, the gaps of two of some 7,800 single hits are",
+        description="distance of a single hit from the surface, in sigmas of noise and of the spread of all hits; "
+        "without other objects, the gaps of two of some 7,800 single hits exceed it",
     )
-    trials: int = Field(3, ge=1, description="fewest trials with such a hit that count")
-    share: float = Field(0.02, ge=0, le=1, description="least share of the trials that counts")
+    push: float = Field(
+        6.0,
+        gt=0,
+        description="least velocity change at a hit off the surface, in standard errors; without other objects, none "
+        "of 14 such changes in filtered samples exceeds 3",
+    )
+    trials: int = Field(3, ge=1, description="least number of trials with such a hit")
+    share: float = Field(0.02, ge=0, le=1, description="least share of the trials with such a hit")
 
 
 class CritiqueSettings(SearchSettings):
     """Settings of the critique of drops; all own choices."""
 
     rivals: int = Field(3, ge=1, description="laws with which the first effect is tried")
-    contact_time: bool = Field(True, description="fit the time that a contact takes, where trajectories show it")
+    contact_time: bool = Field(True, description="fit the duration of contacts, if there are trajectories")
     episodes: bool = Field(True, description="use hits that follow each other too quickly to see the flight between")
     channels: tuple[Literal["rest", "slide"], ...] = Field(
-        (), description="evidence beside impacts and flights: of bodies that lie still, of bodies that slide"
+        (), description="evidence beside impacts and flights: bodies that lie still (rest), bodies that slide (slide)"
     )
-    max_terms: int = Field(2, ge=0, description="terms proposed where no effect of the library explains; 0: none tried")
+    max_terms: int = Field(2, ge=0, description="most terms proposed if no effect explains the error; 0: none")
     terms: TermChoice = TermChoice()
     excess_scatter: float = Field(1.5, gt=1, description="median held-out error over noise; beyond: unexplained")
     one_body: OneBody = OneBody()
@@ -89,40 +95,40 @@ class CritiqueSettings(SearchSettings):
     far_from_noise: float = Field(
         5.0,
         ge=1,
-        description="median error over noise beyond which, in space, no channel vetoes an effect that raises the log "
-        "score of all: a model so far off errs everywhere, and each cause in turn moves some of that from one channel "
-        "to another; nor does a channel whose own misfit is beyond it",
+        description="median error over noise beyond which, in space, no channel vetoes an effect that raises the total "
+        "log score: such a model errs everywhere, and each cause in turn moves errors from one channel to another; "
+        "likewise, a channel with a misfit beyond it vetoes nothing",
     )
     buried_excess: float = Field(
         2.0,
         ge=1,
-        description="median error over noise beyond which, in space, a fall of this ratio counts as material where the "
-        "mean error is less than so many noise floors: a few episodes in which noise is large make up both means, and "
-        "hide what an effect does to all other hits",
+        description="median error over noise beyond which, in space, a fall of this ratio counts as material if the "
+        "mean error is less than so many noise floors: a few episodes with large noise dominate both means and hide "
+        "the change of all other hits",
     )
     reserve_excess: float = Field(
         1.2,
         ge=1,
-        description="median error over noise beyond which contacts that take time are tried: a fit of theirs costs ten "
-        "of an impact law",
+        description="median error over noise beyond which contacts that take time are tried: each fit costs as much as "
+        "ten fits of an impact law",
     )
     reserve_turn: float = Field(
-        0.02, ge=0, description="rad, turn during a contact beyond which it is not an impulse, and is tried"
+        0.02, ge=0, description="rad, turn during a contact beyond which contacts that take time are tried"
     )
     reserve_gain: float = Field(
-        3.0, ge=0, description="nats that the limit of such a contact for short times gains, beyond which it is tried"
+        3.0, ge=0, description="nats, gain of the short-time limit of such a contact beyond which it is tried"
     )
     unpredictable: float = Field(
         0.25,
         gt=0,
-        description="spread that noise before an episode gives the state after it, over its change of velocity, beyond "
-        "which the episode is left out: it says nothing about a model",
+        description="spread of the state after an episode by noise before it, over the change of velocity, beyond "
+        "which the episode is left out: it cannot test a model",
     )
     contradicts: float = Field(
         4.0,
         gt=0,
-        description="standard errors by which an effect denies what is known of the body, beyond which it is no cause: "
-        "by chance once in 16,000 effects, of two parameters once in 3,000",
+        description="standard errors between an effect and the known properties of the body beyond which it is not the "
+        "cause: by chance once in 16,000 effects, with two parameters once in 3,000",
     )
 
 
@@ -131,11 +137,11 @@ class CritiqueRun(Section):
 
     datasets: tuple[Name, ...] = Field(
         ("planar_impact", "planar_dice", "contactnets_cube", "drops"),
-        description="to criticise; absent measured ones are left out",
+        description="datasets to criticise; measured ones that are absent are left out",
     )
     effects: dict[Name, tuple[Name, ...]] = Field({}, description="dataset -> effects to switch on instead of choosing")
     max_trials: dict[Name, Annotated[int, Field(ge=10)]] = Field(
-        {"planar_dice": 150, "contactnets_cube": 120}, description="dataset -> first trials used; others: all"
+        {"planar_dice": 150, "contactnets_cube": 120}, description="dataset -> number of first trials used; others: all"
     )
     jobs: dict[Name, Annotated[int, Field(ge=1)]] = Field(
         {"contactnets_cube": 64},

@@ -1,4 +1,4 @@
-"""Result of the search for impacts: usable ones, those left out with a reason, and facts found on the way."""
+"""Result of the search for impacts: usable impacts, impacts left out with a reason, and further findings."""
 
 from dataclasses import dataclass
 
@@ -19,7 +19,7 @@ from thesis_lib.datasets.impacts.stays_down import StaysDown
 from thesis_lib.mechanics.state import State
 
 LEFT_OUT_COLUMNS = ("trial", "impact", "t", "reason", "detail")
-# fewest that a verdict needs, so that some trials choose the model and others judge it
+# fewest for a verdict: some trials select the model, others validate it
 MIN_TRIALS = 10
 MIN_IMPACTS = 30
 ARC_COLUMNS = (
@@ -34,18 +34,20 @@ class Away:
     """n changes of velocity away from the surface, in its frame.
 
     Attributes:
-        before, after: states at the instant, as the samples on either side have them under gravity.
+        before, after: states at the instant, from the samples on either side under gravity.
         middle: (n, 2) s, mean times of these samples from the instant.
+        std: (n,) m/s, standard error of the change along one axis.
     """
 
     before: State
     after: State
     middle: np.ndarray
+    std: np.ndarray
 
 
 @dataclass(frozen=True)
 class FoundImpacts:
-    """Impacts that can be used, and what was found on the way."""
+    """Usable impacts, and further findings of the search."""
 
     impacts: Impacts  # the usable ones, with t, cov and flags
     # `LEFT_OUT_COLUMNS`, reasons as in `quality`; `energy_gain`: a row of impacts.csv gains more than any impact can
@@ -58,19 +60,19 @@ class FoundImpacts:
     parabolas: Parabolas = NO_PARABOLAS  # through the flights between impacts
     guard: float = ArcSettings().guard  # s; samples nearer to an impact belong to neither flight
     low_pass: LowPass | None = None  # the filter that smoothed the samples, if corners at impacts show one
-    remarks: tuple[str, ...] = ()  # sentences on what the body does that no impact law does
+    remarks: tuple[str, ...] = ()  # sentences on behaviour that no impact law describes
     soft: LastingContacts | None = None  # contacts too long for impulses
     down: StaysDown | None = None  # hits that end at rest, where faster ones rebound
-    step: float = 0.0  # s; contacts seem to be looked for once in it
+    step: float = 0.0  # s; contacts seem to be detected once per such step
     air: Air | None = None  # forces of the air on the body in flight; `samples.air` where arcs take them into account
-    contacts: pd.DataFrame | None = None  # of bodies in space, a row for each hit: trial, impact, kind, jump in m/s
+    contacts: pd.DataFrame | None = None  # for bodies in space, a row per hit: trial, impact, kind, jump in m/s
     away: Away | None = None  # in space, of the hits `off_surface`, in their order
     gain: float = 0.0  # median relative gain of energy at impacts, 0 unless most gain
     warnings: tuple[str, ...] = ()  # sentences for the user, the remarks among them
 
     @property
     def hits(self) -> Hits:
-        """All that were detected, by trial and time."""
+        """All detected hits, by trial and time."""
         return hits_of(self.arcs)
 
     @property
@@ -80,7 +82,7 @@ class FoundImpacts:
 
     @property
     def arcs_air(self) -> Air | None:
-        """The forces of the air that the arcs have; None if they have none but gravity."""
+        """The air forces assumed in the arcs; None if they assume only gravity."""
         return None if self.samples is None else self.samples.air
 
     def summary(self) -> dict:
@@ -100,18 +102,18 @@ class FoundImpacts:
 
 
 def are_enough(impacts: int, trials: int) -> bool:
-    """Whether so many usable impacts in so many trials are enough for a verdict."""
+    """Whether these numbers of usable impacts and trials are enough for a verdict."""
     return impacts >= MIN_IMPACTS and trials >= MIN_TRIALS
 
 
 def ordinals(trial: np.ndarray) -> np.ndarray:
-    """0, 1, 2, … within each trial."""
+    """Number 0, 1, 2, … of each row within its trial."""
     first = np.flatnonzero(np.r_[True, trial[1:] != trial[:-1]][: len(trial)])
     return np.arange(len(trial)) - np.repeat(first, np.diff(np.r_[first, len(trial)]))
 
 
 def arc_table(fits: ArcFits, trial: np.ndarray, ordinal: np.ndarray, used: np.ndarray) -> pd.DataFrame:
-    """A row (`ARC_COLUMNS`) for each of n fits, of trials and with numbers in them `trial`, `ordinal` (n,)."""
+    """A row (`ARC_COLUMNS`) for each of n fits; `trial` and `ordinal` (n,) are its trial and its number therein."""
     dof = np.maximum(fits.n_side - 2, 1)[..., None]
     rms = np.sqrt(fits.ss / dof).reshape(len(fits), 6)  # over degrees of freedom: comparable with sigma
     measured = (fits.n_side >= 2).all(1)  # a line needs two samples
@@ -129,12 +131,12 @@ def found_in_space(
     jump: np.ndarray,
     noise: tuple[float, float],
 ) -> FoundImpacts:
-    """Hits found of a body in space, with the `kind` of contact of each.
+    """Result of the search for a body in space, with the `kind` of contact of each hit.
 
     Args:
-        detected: their poses in the frame of the surface, trials and times.
+        detected: poses at the hits in the frame of the surface, trials and times.
         impact, reason: (n,) number in the trial, and why it is left out, "" if it is not.
-        jump: (n,) m/s by which they change the motion, in the norm of `Observations.norm`; NaN where nobody knows.
+        jump: (n,) m/s, change of the motion at the hits, in the norm of `Observations.norm`; NaN where unknown.
         noise: one sigma of a position in m and of each component of a turn in rad.
     """
     none, out = np.zeros(0), np.flatnonzero(reason != "")

@@ -1,8 +1,8 @@
 """Observations of a body in space, from the samples of its trajectories.
 
-Everything is seen in the frame (t_1, t_2, n) of the surface.  The instant of a hit is where the arcs of the centre of
-mass come closest (`instants`); pose and motion beside it are those of `beside_hits`: lines for the place, torque-free
-motion for the attitude.
+All quantities are in the frame (t_1, t_2, n) of the surface.  A hit occurs at the instant at which the arcs of the
+centre of mass are closest (`instants`); `beside_hits` gives pose and motion before and after it, by lines for the
+position and torque-free motion for the attitude.
 """
 
 from dataclasses import replace
@@ -30,20 +30,19 @@ from thesis_lib.datasets.format.samples import ArcSettings
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.mechanics.state import State
 
-FEWEST = 3  # samples on either side of a hit
-CLEARLY = 1.1  # of the guard, by which contacts last longer
+CLEARLY = 1.1  # ratio of contact duration to guard from which the guard is too short
 
 
 def observe_in_space(dataset: Dataset, settings: ArcSettings | None = None, episodes: bool = True) -> Observations:
-    """Observations of the hits of a dataset in space, as impacts.csv states them, else as trajectories show them.
+    """Observations of the hits of a dataset in space, from impacts.csv if present, otherwise from trajectories.
 
-    What cannot be used has a reason in `found`.
+    Hits that cannot be used have a reason in `found`.
 
-    `episodes`: also hits that follow each other too quickly to see the flight between (`episodes_in_space`).
+    `episodes`: include hits in such quick succession that the flight between is not observed (`in_space.episodes`).
 
     Raises:
-        UserError: there are several surfaces, the tracked frame is unknown and cannot be found, or a body other
-            than a ball has no orientation.
+        UserError: there are several surfaces, the tracked frame is unknown and cannot be found, or the orientation is
+            missing for a body other than a ball.
     """
     if dataset.impacts is not None and len(dataset.impacts):
         return given_in_space(dataset)
@@ -51,10 +50,10 @@ def observe_in_space(dataset: Dataset, settings: ArcSettings | None = None, epis
         raise UserError(f"{dataset.name} has neither trajectories.csv nor impacts.csv; give at least one of them.")
     if len(dataset.in_space.planes) > 1:
         raise UserError(
-            f"{dataset.name}: hits in space are found on one surface, and there are several. Give the one that is hit "
-            "as `surface`; tosses onto another one are a dataset of their own."
+            f"{dataset.name}: hits in space can be detected on one surface only, but several are defined. Give the one "
+            "that is hit as `surface`, and put tosses onto another one into a separate dataset."
         )
-    dataset, settings = settled(dataset), settings or ArcSettings(min_window=FEWEST)
+    dataset, settings = settled(dataset), settings or ArcSettings()
     seen: Observed | Known = Known(settings.guard)
     while isinstance(seen, Known):
         seen = _looked(TossRecording.of(dataset, settings, seen))
@@ -65,7 +64,7 @@ def observe_in_space(dataset: Dataset, settings: ArcSettings | None = None, epis
 
 
 def _looked(recording: TossRecording) -> "Observed | Known":
-    """What a look at a recording shows, or what the next one has to know."""
+    """Result of one pass over a recording, or what must be known for the next pass."""
     known, settings, noise, interval = recording.known, recording.settings, recording.noise, recording.interval
     samples, gravity, has_angle = recording.samples, recording.dataset.gravity, recording.dataset.has_angle
     if has_angle and known.seeks_lags:
@@ -74,8 +73,8 @@ def _looked(recording: TossRecording) -> "Observed | Known":
             return known.with_lag(lag, interval)
     found = find_hits(samples, recording.clock, noise[0], settings)
     guard = found.guard(noise[0], settings, gravity)
-    if rounded := guard > max(settings.guard, 1.5 * interval):  # of one interval is that of one side
-        # attitudes that come late let the believed centre of mass sway, as if corners were rounded
+    if rounded := guard > max(settings.guard, 1.5 * interval):  # a guard of one interval is the allowance for one side
+        # delayed attitudes make the believed centre of mass sway, as if corners were rounded
         lag = lag_of_attitudes(HitWindows.of(found, recording, noise, settings).fitted) if has_angle else 0.0
         if known.is_late(lag, settings.guard):
             return known.with_lag(lag, interval)
@@ -111,8 +110,8 @@ def beside(o: Observations, side: int) -> State:
 
 
 def hard_hits(o: Observations) -> pd.DataFrame:
-    """The hits at corners, edges and faces of the believed hull that change the motion by more than `HARD`, or by
-    nobody knows how much: trial, impact, kind, and the row of the observation that holds them, −1 if none does."""
+    """Hits at corners, edges and faces of the believed hull that change the motion by more than `HARD`, or by an
+    unknown amount: trial, impact, kind, and the row of the observation that contains them (−1: none)."""
     assert o.found.contacts is not None
     first = np.repeat(np.arange(len(o)), o.hits)
     number = np.arange(len(first)) - np.repeat(np.cumsum(o.hits) - o.hits, o.hits)
@@ -124,5 +123,5 @@ def hard_hits(o: Observations) -> pd.DataFrame:
 
 
 def jump(o: Observations) -> np.ndarray:
-    """√(|Δv|² + Δωᵀ G Δω) (n,) in m/s of each hit, G the believed inertia per mass."""
+    """Change of motion √(|Δv|² + Δωᵀ G Δω) (n,) in m/s at each hit, with the believed inertia per mass G."""
     return o.norm(beside(o, 1).v - beside(o, 0).v)

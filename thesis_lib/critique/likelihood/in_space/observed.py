@@ -1,4 +1,4 @@
-"""What a look at a recording in space shows: its hits, and what lies beside each of them."""
+"""Result of a pass over a recording in space: its hits, and the motion before and after each of them."""
 
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -35,15 +35,15 @@ from thesis_lib.mechanics.state import State
 from thesis_lib.statistics.spread import robust_std
 
 SPREAD = 3.0  # robust standard deviations of the gap at hits
-UPWARDS = 5  # of values and slopes of all channels: the slope of n
-SURE = 3.0  # standard errors by which a surface pushes a body away
+UPWARDS = 5  # index of the slope of n among values and slopes of all channels
+SURE = 3.0  # standard errors for a significant push of the surface
 
 
 @dataclass(frozen=True)
 class HitWindows:
-    """What lies beside n hits: why it cannot be used, `reason` (n,), "" where it can, and of those m `rows` that have
-    enough samples the numbers `index` (m, W) of the samples, their poses (m, W, 7), times `tau` (m, W) in s from the
-    hit, which are `used` (m, 2, W), and what fits them."""
+    """Samples before and after n hits: `reason` (n,) why a hit cannot be used ("" if it can); for the m `rows` of hits
+    with enough samples, the numbers `index` (m, W) of the samples, their poses (m, W, 7), times `tau` (m, W) in s from
+    the hit, the mask `used` (m, 2, W), and the fitted lines."""
 
     reason: np.ndarray
     rows: np.ndarray
@@ -60,7 +60,7 @@ class HitWindows:
         at, side, windows = found.at, found.side, found.windows
         reason = np.full(len(at), "", object)
         near = np.r_[False, windows.same_trial] | np.r_[windows.same_trial, False] if len(at) else np.zeros(0, bool)
-        short = side.sum(2).min(1) < settings.min_window
+        short = side.sum(2).min(1) < settings.min_window_in_space
         reason[short] = np.where(near[short], "second_hit", "window_too_short")
         rows, reach = np.flatnonzero(reason == ""), np.arange(-settings.max_window, settings.max_window + 2)
         index = np.clip(at[rows, None] + reach, 0, len(found.samples) - 1)
@@ -71,24 +71,24 @@ class HitWindows:
 
     @property
     def usable(self) -> np.ndarray:
-        """Which (m,) have no reason."""
+        """Mask (m,) of hits without a reason."""
         return self.reason[self.rows] == ""
 
     def leave_out(self, which: np.ndarray, why: str) -> None:
-        """Give those of the m that have none yet a reason."""
+        """Set the reason `why` for the hits in the mask `which` (m,) that do not have a reason yet."""
         self.reason[self.rows[which & self.usable]] = why
 
 
 @dataclass(frozen=True)
 class Observed:
-    """The hits of a recording, with what lies beside them.
+    """Hits of a recording, with the motion before and after them.
 
     Attributes:
-        settings: with the guard that rounded samples need (`rounded`).
-        noise: one sigma of a place in m and of a component of a turn in rad.
-        found, windows: the n hits, and what lies beside those m that have enough samples there.
-        grown, slack: as of `has_another_hit`.
-        lag: time in s by which orientations come later than positions.
+        settings: settings with the guard that rounded samples require (`rounded`).
+        noise: one sigma of a position in m and of a component of a turn in rad.
+        found, windows: the n hits, and the samples around the m hits with enough samples.
+        grown, slack: results of `has_another_hit`.
+        lag: lag in s of orientations behind positions.
     """
 
     recording: TossRecording
@@ -103,7 +103,7 @@ class Observed:
 
     @cached_property
     def since(self) -> np.ndarray:
-        """Times (n,) in s of the hits from the first sample of their trials."""
+        """Times (n,) in s of the hits, from the first sample of their trials."""
         return self.found.instant - first_sample(self.recording.samples)[self.found.at]
 
     @cached_property
@@ -119,20 +119,24 @@ class Observed:
 
     @cached_property
     def off_by(self) -> np.ndarray:
-        """Gap (m,) in m to where bodies touch."""
+        """Gap (m,) in m to the surface on which bodies touch."""
         return self.recording.looks.gap(self.sides[0])
 
+    @property
+    def of_push(self) -> np.ndarray:
+        """Standard error (m,) in m/s of the change of velocity along the normal; similar along the surface."""
+        return np.sqrt(self.grown[0] * self.windows.fitted.cov[:, :, UPWARDS, UPWARDS].sum(axis=1))
+
     def leave_out(self) -> None:
-        """Give the hits that cannot be used a reason."""
+        """Set the reason of hits that cannot be used."""
         windows, rig, (before, after) = self.windows, self.recording.rig, self.sides
         fitted, off_by = windows.fitted, self.off_by
-        if len(off_by):  # geometry that is believed wrongly moves all of them alike
+        if len(off_by):  # a wrong believed geometry shifts all of them equally
             windows.leave_out(np.abs(off_by - np.median(off_by)) > OFF_SURFACE * rig.shape.extent, ELSEWHERE)
         windows.leave_out(contact_velocity(before, rig)[2] >= 0.0, "no_approach")
         slower, (down, up) = fitted.bow[:, 1, 1] - fitted.bow[:, 0, 1], fitted.slope[:, :, 2].T
         push = up - down - rig.fall(before)[2] * slower
-        of_push = np.sqrt(self.grown[0] * fitted.cov[:, :, UPWARDS, UPWARDS].sum(axis=1))
-        windows.leave_out(push < SURE * of_push, "no_push")
+        windows.leave_out(push < SURE * self.of_push, "no_push")
         if self.rounded:
             alone = np.flatnonzero(windows.usable)
             met, left = before.select(alone), after.select(alone)
@@ -148,17 +152,17 @@ class Observed:
 
     @cached_property
     def touching(self) -> State:
-        """Poses and motions before the hits that can be used."""
+        """Poses and motions before the usable hits."""
         return self.sides[0].select(np.flatnonzero(self.windows.usable))
 
     @cached_property
     def sunk(self) -> np.ndarray:
-        """How deep in m these lie below the believed surface."""
+        """Depth in m of the states `touching` below the believed surface."""
         return -self.recording.rig.gap(self.touching)
 
     @cached_property
     def approach(self) -> np.ndarray:
-        """|v_n|/√K_nn in m/s of their contact points."""
+        """|v_n|/√K_nn in m/s of the contact points of `touching`."""
         state, rig = self.touching, self.recording.rig
         of_turns = mobility(SPACE, np.asarray(rig.tensor), state.attitude)
         at = contact_at(SPACE, state.velocity, state.spin, rig.lowest(state), of_turns)
@@ -166,7 +170,7 @@ class Observed:
 
     @cached_property
     def heights(self) -> tuple[float, float]:
-        """Lowest and highest gap in m at which bodies touch, by the geometry that is believed."""
+        """Lowest and highest gap in m at which bodies touch, with the believed geometry."""
         gap = self.off_by[self.windows.usable]
         if not len(gap):
             return -np.inf, -np.inf
@@ -186,12 +190,12 @@ class Observed:
 
     @cached_property
     def lasting(self) -> float:
-        """How long in s contacts seem to last."""
+        """Apparent duration in s of contacts."""
         return max(float(np.median(self.sunk / self.approach)), 0.0) if len(self.sunk) else 0.0
 
     @cached_property
     def low_pass(self) -> LowPass | None:
-        """The filter that rounds corners, as known or as these hits show it."""
+        """Filter that rounds corners, as known or as estimated from these hits; None if there is none."""
         recording = self.recording
         if not self.rounded or recording.soft is not None or recording.known.low_pass is not None:
             return recording.known.low_pass
@@ -213,15 +217,15 @@ class Observed:
 
     @property
     def away(self) -> Away:
-        """The hits that are not on the surface."""
+        """Hits that are not on the surface."""
         windows, rows = self.windows, np.flatnonzero(self.windows.reason[self.windows.rows] == ELSEWHERE)
         used, (before, after) = windows.used[rows], self.sides
         middle = (used * windows.tau[rows, None]).sum(axis=2) / used.sum(axis=2)
-        return Away(before.select(rows), after.select(rows), middle)
+        return Away(before.select(rows), after.select(rows), middle, self.of_push[rows])
 
     @cached_property
     def table(self) -> pd.DataFrame:
-        """All hits by trial and time, and why they are left out."""
+        """All hits by trial and time, with the reasons why they are left out."""
         trial = self.found.trial
         return pd.DataFrame(
             {"trial": trial, "impact": ordinals(trial), "t": self.found.instant, "reason": self.windows.reason}
@@ -237,7 +241,7 @@ class Observed:
         return seen_beside(self.poses, self.table, self.heights[1] if len(self.sunk) else 0.0, self.settings)
 
     def single(self) -> Observations:
-        """Observations of the hits that stand alone."""
+        """Observations of single hits."""
         recording, windows, kept = self.recording, self.windows, self.windows.usable
         found, rows, sigma = self.found, windows.rows[kept], np.repeat(np.sqrt(self.grown), 6)
         detected = between_samples(recording.states, recording.samples, found.at, found.instant)
@@ -269,10 +273,10 @@ class Observed:
         )
 
     def with_episodes(self) -> Observations:
-        """Observations of all that can be used."""
+        """Observations of all usable single hits and episodes."""
         windows, kept = self.windows, self.windows.usable
         used, inner = windows.used[kept], self.recording.samples.t[windows.index[kept]]
-        # of the samples used: the last before and the first after
+        # times of the last used sample before and the first after
         start = np.where(used[:, 0], inner, -np.inf).max(axis=1, initial=-np.inf)
         end = np.where(used[:, 1], inner, np.inf).min(axis=1, initial=np.inf)
         n_pre, n_post = used.sum(axis=2).T
