@@ -143,16 +143,11 @@ class WrongChannel(Right):
     channels = ("speed",)
 
 
-class NoTrajectories(Right):
-    needs_trajectories = True
-
-
 @pytest.mark.parametrize(
     ("wrong", "check", "says"),
     [
         (WrongLimits, "limits that make sense", "parameter h: null 0.7 must lie between low -0.5 and high 0.5"),
         (WrongChannel, "limits that make sense", "impact, meet, touch, flight"),
-        (NoTrajectories, "limits that make sense", "needs_trajectories"),
         (Wordless, "names a source", "table of symbols"),
         (NoIdentity, "nothing at its null", "coefficients with all parameters at null .* off by up to 0.055"),
         (Short, "nothing at its null", r"shape \(\) instead of \(300,\)"),

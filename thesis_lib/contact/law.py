@@ -73,7 +73,6 @@ class Law:
         dimensions: contains 2 if the law holds in the plane, 3 if it holds in space.
         breaks_in_space: as `breaks`, for the reference draw of impacts in space; a property that is violated only in
             space may be listed in `promises`.
-        accuracy_in_space: error of the impulse in space, relative to the speed, if it is integrated numerically.
         reference: publication that defines the law.
         mu_unit: unit of μ; "1" except for the viscous variant.
         force: normal force of a contact of finite duration, of which `impulse` is the rigid limit.
@@ -88,7 +87,6 @@ class Law:
     breaks: Mapping[Promise, float] = field(default_factory=dict)
     dimensions: frozenset[int] = frozenset({2})
     breaks_in_space: Mapping[Promise, float] = field(default_factory=dict)
-    accuracy_in_space: float = ROUNDING
     mu_unit: str = "1"
     force: "NormalForce | None" = None
     engine: str = ""

@@ -71,7 +71,6 @@ class OtherContactTime(Effect):
     equation = "τ = τ₀ (1 + d)"
     parameters = (Parameter("d", "1", null=0.0, low=-1.0, high=10.0, scale=0.5),)
     channels = ("touch",)
-    needs_trajectories = True
     needs_contact_time = True
     reference = "definition of the contact time"
 
@@ -101,7 +100,7 @@ class AtWall(Effect):
         self.of, self.wall = of, wall
         self.name, self.title = f"{of.name}{_BETWEEN}{wall}", f"{of.title} at the wall {wall}"
         self.equation, self.parameters, self.channels = f"{of.equation} at {wall}", of.parameters, of.channels
-        self.needs_trajectories, self.needs_contact_time = of.needs_trajectories, of.needs_contact_time
+        self.needs_contact_time = of.needs_contact_time
         self.rank, self.reference = of.rank, of.reference
         self.includes = tuple(f"{name}{_BETWEEN}{wall}" for name in of.includes)
 

@@ -259,7 +259,6 @@ class Effect:
         parameters: see `Parameter`.
         channels: quantities it changes: impact (velocity after impact), meet (pose after minus pose before), touch
             (gap at impact), flight (acceleration between impacts), slide (friction while the surface supports it).
-        needs_trajectories: whether impacts alone cannot test it.
         needs_contact_time: whether it concerns only the duration of contacts.
         needs_angle: whether only the angle or the spin reveals it, or an unknown spin before the impact mimics it.
         needs_history: whether it depends on the motion before a hit, so that whole tosses must be recorded.
@@ -288,7 +287,6 @@ class Effect:
     equation: str
     parameters: tuple[Parameter, ...]
     channels: tuple[Channel, ...] = ("impact",)
-    needs_trajectories: bool = False
     needs_contact_time: bool = False
     needs_angle: bool = False
     needs_history: bool = False
@@ -307,6 +305,11 @@ class Effect:
     embedded: tuple[tuple[str, str, float], ...] = ()
     denies: str = ""
     reference: str = ""
+
+    @property
+    def needs_trajectories(self) -> bool:
+        """Whether impacts alone cannot test it."""
+        return "impact" not in self.channels
 
     def applies_to(self, rig: Rig) -> bool:
         """Whether the effect is possible with this rig (a corner radius needs corners)."""

@@ -20,7 +20,6 @@ class LinearDrag(Effect):
     equation = "a = g − c_v v, α = −c_w ω"
     parameters = components(Parameter("c", "1/s", null=0.0, low=0.0, high=20.0, scale=0.1), ("c_v", "c_w"))
     channels = ("flight",)
-    needs_trajectories = True
     dimensions = IN_SPACE
     includes = ("spin_damping",)
     reference = "Stokes 1851"

@@ -21,7 +21,6 @@ class Magnus(Effect):
     equation = "a = g + k_m ω × v"
     parameters = (Parameter("k_m", "1", null=0.0, low=-1.0, high=1.0, scale=0.01),)
     channels = ("flight",)
-    needs_trajectories = True
     needs_angle = True
     dimensions = IN_SPACE
     reference = "Rubinow and Keller 1961, doi:10.1017/S0022112061000640"

@@ -33,7 +33,6 @@ class OrientationDependentContactTime(Effect):
     parameters = components(_SIZE, ("a_c", "a_s", "b_c", "b_s"))
     own_in_space = components(_SIZE, ("a_x", "a_y", "a_z"))
     channels = ("touch",)
-    needs_trajectories = True
     needs_contact_time = True
     needs_angle = True
     dimensions = IN_SPACE

@@ -32,7 +32,6 @@ class PositionDependentContactTime(Effect):
     level = (("g_tau_x", "g_tau_y", 1),)
     embedded = (("g_tau_x", "g_tau", 1.0),)
     channels = ("touch",)
-    needs_trajectories = True
     needs_contact_time = True
     needs_one_surface = True
     reference = "stiffness that is linear in place, of a linear spring; Goldsmith 1960, chapter 4"

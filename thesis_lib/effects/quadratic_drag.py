@@ -21,7 +21,6 @@ class QuadraticDrag(Effect):
     equation = "a = g − c_q |v| v"
     parameters = (Parameter("c_q", "1/m", null=0.0, low=0.0, high=10.0, scale=0.1),)
     channels = ("flight",)
-    needs_trajectories = True
     dimensions = IN_SPACE
     reference = "Newton, Principia, book II; Batchelor 1967"
 

@@ -26,7 +26,6 @@ class SlidingFriction(Effect):
     equation = "a_t = −μ_s a_n sign(v_t) while supported, μ at impacts"
     parameters = (Parameter("mu_s", "1", null=0.3, low=0.0, high=2.0, scale=0.05, of="mu"),)
     channels = ("slide",)
-    needs_trajectories = True
     dimensions = IN_SPACE
     reference = "Yu, Bauza, Fazeli and Rodriguez 2016, doi:10.1109/IROS.2016.7758091"
 

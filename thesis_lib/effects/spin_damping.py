@@ -21,7 +21,6 @@ class SpinDamping(Effect):
     equation = "α = −c_w ω"
     parameters = (Parameter("c_w", "1/s", null=0.0, low=0.0, high=20.0, scale=0.1),)
     channels = ("flight",)
-    needs_trajectories = True
     needs_angle = True
     dimensions = ONLY_SPACE
     reference = "Stokes 1851"

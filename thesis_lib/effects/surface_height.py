@@ -19,7 +19,6 @@ class SurfaceHeight(Effect):
     equation = "φ_n = y − h(θ) − (H + h)"
     parameters = (Parameter("h", "m", null=0.0, low=-0.1, high=0.1, scale=1e-3),)
     channels = ("touch",)
-    needs_trajectories = True
     dimensions = IN_SPACE
     reference = "definition of the gap"
 

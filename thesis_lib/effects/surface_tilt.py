@@ -32,7 +32,6 @@ class SurfaceTilt(Effect):
     embedded = (("phi_x", "phi", 1.0),)
     channels = ("flight",)
     even = True
-    needs_trajectories = True
     needs_one_surface = True
     dimensions = IN_SPACE
     reference = "inclined plane"

@@ -26,7 +26,6 @@ class VelocityDependentContactTime(Effect):
     equation = "τ = τ₀ (|v_n| / 1 m/s)^−p K_nn^(p/2)"
     parameters = (Parameter("p", "1", null=0.0, low=-0.5, high=0.9, scale=0.15, starts=(0.0,)),)
     channels = ("touch",)
-    needs_trajectories = True
     needs_contact_time = True
     dimensions = IN_SPACE
     reference = "Hertz 1882; Johnson 1985, section 11.4, doi:10.1017/CBO9781139171731"

@@ -21,7 +21,6 @@ class WrongGravity(Effect):
     parameters = (Parameter("dg", "m/s²", null=0.0, low=-9.0, high=9.0, scale=0.1),)
     channels = ("flight",)
     even = True
-    needs_trajectories = True
     needs_one_surface = True
     dimensions = IN_SPACE
     reference = "free fall"

@@ -100,8 +100,6 @@ def declared(effect: Effect) -> str:
         return f"family is {effect.family!r}; it must be one of {', '.join(FAMILIES)}"
     if not effect.channels or not set(effect.channels) <= set(CHANNELS):
         return f"channels are {effect.channels!r}; they must be some of {', '.join(CHANNELS)}"
-    if effect.needs_trajectories != ("impact" not in effect.channels):
-        return "needs_trajectories must be True if and only if “impact” is not among its channels"
     names = [p.name for p in effect.parameters]
     if not names or len(set(names)) != len(names):
         return "parameters must contain at least one Parameter, and their names must differ"

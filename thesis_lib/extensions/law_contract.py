@@ -92,11 +92,7 @@ def broken_share(law: Law, promise: Promise, dimension: int = 2) -> float:
     draw = reference(dimension)
     factor = np.random.default_rng(20180608).uniform(0.1, 10.0, len(draw.mu))
     x = violation(promise, law, draw, reference(dimension, central=True), factor)
-    return float(np.mean(~(x <= _accuracy(law, dimension))))
-
-
-def _accuracy(law: Law, dimension: int) -> float:
-    return KEPT if dimension == 2 else max(KEPT, law.accuracy_in_space)
+    return float(np.mean(~(x <= KEPT)))
 
 
 def keeps_its_promises(law: Law, dimension: int = 2) -> str:
@@ -120,7 +116,7 @@ def mirror_symmetric(law: Law, dimension: int = 2) -> str:
     draw = reference(dimension)
     out, mirrored = draw.resolve(law), draw.mirrored().resolve(law)
     x = [-1, 1] if dimension == 2 else [-1, 1, 1]
-    tolerance = ROUNDING if dimension == 2 else _accuracy(law, dimension)
+    tolerance = ROUNDING if dimension == 2 else KEPT
     away = np.abs(mirrored.impulse - out.impulse * x).max(axis=1) > tolerance * draw.speed
     wrong = int(np.sum((away & (out.impulse[:, -1] >= 0.0)) | (mirrored.status != out.status)))
     return f"in {wrong} of {len(draw.mu)} impacts the mirrored impact lacks the mirrored impulse" if wrong else ""
@@ -134,7 +130,7 @@ def ignores_units(law: Law, dimension: int = 2) -> str:
     v_pre[:, dimension:] /= length
     body: dict = {"k_g": length} if draw.inertia is None else {"inertia": draw.inertia * length**2}
     other = law(v_pre, r, mass=mass, **body, mu=draw.mu, epsilon=draw.epsilon)
-    scale, tolerance = draw.speed[:, None], UNITS if dimension == 2 else _accuracy(law, dimension)
+    scale, tolerance = draw.speed[:, None], UNITS if dimension == 2 else KEPT
     if not np.allclose(other.impulse / mass / scale, out.impulse / scale, rtol=0.0, atol=tolerance, equal_nan=True):
         return "in other units of mass and length the impulse is different: a constant in it has a unit"
     return ""
@@ -159,7 +155,7 @@ def elastic_without_friction(law: Law, dimension: int = 2) -> str:
     """Check that ε = 1 and μ = 0 conserve energy, α = 1 exactly, for every law that is frictionless at μ = 0."""
     draw, breaks = reference(dimension), law.breaks if dimension == 2 else law.breaks_in_space
     alpha = draw.space.alpha(*draw.impulse(law, mu=0.0, epsilon=1.0))
-    if Promise.FRICTIONLESS not in breaks and not np.all(np.abs(alpha - 1.0) <= _accuracy(law, dimension)):
+    if Promise.FRICTIONLESS not in breaks and not np.all(np.abs(alpha - 1.0) <= KEPT):
         return "with ε = 1 and μ = 0 it does not conserve energy, though it is frictionless there"
     return ""
 
@@ -273,7 +269,7 @@ def _turned(contact: Contact, R: np.ndarray) -> Contact:
 
 def _differ(law: Law, found: Sequence[np.ndarray], expected: np.ndarray, draw: ImpactDraws) -> int:
     """Number of impacts whose impulse differs from the expected impulse."""
-    tolerance = _accuracy(law, 3) * draw.speed
+    tolerance = KEPT * draw.speed
     return int(np.sum(~(np.abs(np.stack(found) - expected).max(axis=0) <= tolerance)))
 
 

@@ -39,7 +39,8 @@ class {camel}(Effect):
     # null: where the effect is absent; low and high: physical limits; scale: a relevant size
     parameters = (Parameter("h", "1", null=0.0, low=-0.5, high=0.5, scale=0.1),)
     # what it changes: "impact" (velocity after impact), "meet" (pose after minus pose before), "touch" (gap at
-    # impact), "flight" (acceleration between impacts); without "impact" set needs_trajectories = True
+    # impact), "flight" (acceleration between impacts), "slide" (friction of a body that slides on the surface; every
+    # effect on friction changes it, named here or not)
     channels = ("impact",)
     # Does a drop that is mirrored left to right have the mirrored outcome?  If not: breaks_mirror = True
 
@@ -55,8 +56,9 @@ class {camel}(Effect):
         return mu, np.clip(epsilon * (1.0 + p["h"] * change), 0.0, 1.0)
 
     # The other stages: to_true, to_measured, meet (camera), to_contact, from_contact, contact_point, gap,
-    # inertia (body), contact_time, impulse (contact), acceleration (flight), and arc where that changes within
-    # 0.1 s.  Their arguments and results: python -c "from thesis_lib.effects.effect import Effect; help(Effect)"
+    # inertia (body), contact_time, impulse (contact), sliding (friction of a body on the surface), acceleration
+    # (flight), and arc where that changes within 0.1 s.  Their arguments and results:
+    # python -c "from thesis_lib.effects.effect import Effect; help(Effect)"
     # For bodies in space, too: dimensions = IN_SPACE, from thesis_lib.effects.effect
     # Rules: return new arrays; use NumPy, no `if` on a parameter or a state (they may be arrays); in a pair such as
     # to_contact and from_contact, each must be the inverse of the other.

@@ -21,7 +21,7 @@ from thesis_lib.simulate.tosses.lifted import lifted
 from thesis_lib.studies.proof import space
 from thesis_lib.studies.proof.cases import Case
 from thesis_lib.studies.proof.cases import make as make_in_plane
-from thesis_lib.studies.proof.sizes import SLOPES, as_fitted
+from thesis_lib.studies.proof.sizes import ALONG_TABLE, as_fitted
 from thesis_lib.studies.proof.space import engine_of, write_list
 
 
@@ -128,7 +128,7 @@ def test_the_table_counts_what_is_right_first_and_wrong(tmp_path):
     assert "1 of 2 (" in page and "10 of 80 datasets: 10 by `abc`" in page and "magnus + com_offset" in page
 
 
-@pytest.mark.parametrize("name", sorted(SLOPES))
+@pytest.mark.parametrize("name", sorted(ALONG_TABLE))
 def test_a_slope_that_counts_from_the_table_is_the_same_property_counted_from_the_reference(name):
     states, here = tumbling_boxes(8, generator(3, "slopes")), BOX
     states = states.changed(0.1 * states.position)  # where no property reaches its limit

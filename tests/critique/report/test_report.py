@@ -255,6 +255,20 @@ def test_a_change_of_law_is_told_on_the_ladder_and_with_the_parameters(hidden_dr
     assert f"(law now {LAWS[other].title})" in Page(report_effects.ladder_text(changed, diagnosis, rungs)).text
 
 
+@pytest.mark.parametrize(
+    "remaining, says",
+    [
+        ({"structured": True, "elsewhere": {"trials": 3}}, "^$"),
+        ({"structured": False, "elsewhere": {"trials": 3}}, "something other than the surface"),
+        ({"structured": False, "elsewhere": None, "stays_down": {"speed": 0.3}}, "slow impacts do not rebound"),
+        ({"structured": False, "elsewhere": None, "stays_down": None}, "contradicts the known properties"),
+    ],
+)
+def test_the_verdict_names_its_reason_where_no_structure_remains(remaining, says):
+    d = {"verdict": "unexplained", "effects": [{"clears": True}], "remaining": remaining}
+    assert re.search(says, report_text.verdict_line(d))
+
+
 def test_rows_head_their_table_and_no_rows_give_no_table():
     page = Page(html_table("c & d", ("a", "b"), [("x", "1 < 2")], numeric=(1,)))
     assert "c & d" in page.text and "1 < 2" in page.text

@@ -83,7 +83,12 @@ class CritiqueSettings(SearchSettings):
     )
     max_terms: int = Field(2, ge=0, description="most terms proposed if no effect explains the error; 0: none")
     terms: TermChoice = TermChoice()
-    excess_scatter: float = Field(1.5, gt=1, description="median held-out error over noise; beyond: unexplained")
+    excess_scatter: float = Field(
+        1.5,
+        gt=1,
+        description="held-out misfit of a channel over noise (impacts: median error); beyond this times 1 + 2 s, with "
+        "its relative standard error s: unexplained",
+    )
     one_body: OneBody = OneBody()
     elsewhere: ElsewhereSettings = ElsewhereSettings()
     near_noise: float = Field(

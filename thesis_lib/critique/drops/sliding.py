@@ -32,7 +32,6 @@ class _Table(Effect):
     equation = "a = −a_table v/|v|"
     parameters = (SLIDING,)
     channels = ("flight",)
-    needs_trajectories = True
     reference = "Coulomb 1785"
 
     def acceleration(self, a, state, p, rig):

@@ -53,7 +53,7 @@ def _each(few: FewImpacts) -> Markup:
     """Return a table with the restitution of each single hit."""
     o, each, fitted = few.observations.single, few.each, few.fitted
     before = fitted.on(o).before
-    speed = np.hypot(before.vx, before.vy)
+    speed = np.linalg.norm(before.velocity, axis=0)
     rows = [
         (
             f"{o.trial[i]}",

@@ -41,6 +41,11 @@ OF_RESIDUALS = (
     "the couple about it that would explain the error. A point contact cannot exert a couple; a couple that depends on "
     "the state indicates wrong geometry, inertia or measurement."
 )
+UNEXPLAINED = {  # by key of diagnosis.json, although no structure remains
+    "elsewhere": "something other than the surface hits the body",
+    "stays_down": "slow impacts do not rebound, and no law in the library has such a limit",
+}
+CONTRADICTS = "the effect that would explain it contradicts the known properties of the body"
 PARTS = ("noise", "parameters", "rigid_point_contact", "choice_of_law", "rest")
 
 
@@ -101,23 +106,25 @@ def report_html(
     clearing = [e for e in d["effects"] if e["clears"]]
     fault = any(e["family"] == "measurement" or possible_faults(e) for e in clearing)
     own = "" if critique.source is None else (critique.source.header.description or "")
-    word = ""
-    if d["verdict"] == "adequate" and len(clearing) < len(d["effects"]):
-        word = "✓ adequate: the effects that you switched on are not needed"
-    elif d["verdict"] == "unexplained" and not d["remaining"]["structured"]:
-        other = "something other than the surface hits the body"
-        contradicts = "the effect that would explain it contradicts the known properties of the body"
-        word = f"? unexplained: {other if d['remaining'].get('elsewhere') else contradicts}"
     return critique_page(
         d,
         contents,
         "effect",
-        word=word,
+        word=verdict_line(d),
         kind="fault" if fault else "",
         about=paragraph(f"Description in the dataset: {visible(own)}" if own.strip() else "", kind="about"),
         key_numbers=_key_numbers(d, ladder),
         script=script(),
     )
+
+
+def verdict_line(d: Mapping) -> str:
+    """Return the verdict in one line where it has another reason than usual; otherwise ""."""
+    if d["verdict"] == "adequate" and not all(e["clears"] for e in d["effects"]):
+        return "✓ adequate: the effects that you switched on are not needed"
+    if d["verdict"] != "unexplained" or d["remaining"]["structured"]:
+        return ""
+    return f"? unexplained: {next((why for key, why in UNEXPLAINED.items() if d['remaining'].get(key)), CONTRADICTS)}"
 
 
 def script() -> str:

@@ -29,7 +29,7 @@ from thesis_lib.effects import EFFECTS
 from thesis_lib.effects.effect import Reference
 from thesis_lib.foundation.rows import STAMP, Rows, as_cell
 from thesis_lib.studies.proof.cases import Case, make
-from thesis_lib.studies.proof.sizes import LAW
+from thesis_lib.studies.proof.sizes import LAW, SLOPES
 from thesis_lib.studies.proof.store import (
     COMMAND,
     STORE,
@@ -51,13 +51,6 @@ COLUMNS = (
     *("truth", "ratio", "drops", "noise", "seed", "shape", "contact_time", "sizes", "verdict", "law", "named"),
     *("n_impacts", *ERRORS, "remaining_p", "parameters", "why", *STAMP),
 )
-# slopes g of a coefficient c (1 + m g x)^(1/m), where x is measured from the reference: c, x and m
-SLOPES = {
-    "wear.w": ("epsilon", "trial", 1.0),
-    "position_dependent_restitution.g_eps": ("epsilon", "x", 1.0),
-    "position_dependent_friction.g_mu": ("mu", "x", 1.0),
-    "position_dependent_contact_time.g_tau": ("tau", "x", -2.0),
-}
 
 
 def table_of(source: str, store: Path = STORE) -> Rows:

@@ -21,9 +21,14 @@ SIZES = CONFIG / "proof_sizes.json"
 # with less friction hardly any contact sticks, and some effects cannot be observed
 MU, EPSILON = 0.3, 0.55
 LAW = "wang_mason"  # an exact path-wise law
-# effects of properties that vary linearly along the table; factor of their parameter in the relative slope
-SLOPES = {"position_dependent_restitution": 1.0, "position_dependent_friction": 1.0}
-SLOPES |= {"position_dependent_contact_time": -2.0}
+# slopes g of a coefficient c (1 + m g x)^(1/m), where x is measured from the reference: c, x and m
+SLOPES = {
+    "wear.w": ("epsilon", "trial", 1.0),
+    "position_dependent_restitution.g_eps": ("epsilon", "x", 1.0),
+    "position_dependent_friction.g_mu": ("mu", "x", 1.0),
+    "position_dependent_contact_time.g_tau": ("tau", "x", -2.0),
+}
+ALONG_TABLE = {name.split(".")[0]: m for name, (_, along, m) in SLOPES.items() if along == "x"}
 
 
 def require_checkout() -> None:
@@ -81,8 +86,8 @@ def as_fitted(effects: Sequence[Effect], hidden: Mapping[str, float], rig: Rig) 
     for effect in effects:
         names = [f"{effect.name}.{p.name}" for p in parameters_in(effect, rig.space)]
         sizes = np.array([hidden.get(name, 0.0) for name in names])
-        if effect.name in SLOPES:
-            sizes = sizes / (1.0 + SLOPES[effect.name] * sizes @ [rig.reference.x, rig.reference.y])
+        if effect.name in ALONG_TABLE:
+            sizes = sizes / (1.0 + ALONG_TABLE[effect.name] * sizes @ [rig.reference.x, rig.reference.y])
         directions = effect.unseen(rig)
         true |= zip(names, sizes - directions.T @ (directions @ sizes))
     return true

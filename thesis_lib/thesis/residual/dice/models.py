@@ -48,7 +48,6 @@ from thesis_lib.thesis.residual.throwing.throw import LawImpact, Throws, simulat
 FEWEST = 50  # fewest contacts on either side of an edge; with fewer, both sides form one range of speeds
 BODY_EFFECTS = ("rounded_corners", "angle_offset", "marker_offset", "linear_drag", "wrong_inertia", "surface_height")
 CONTACT_HOOKS = {"coefficients", "impulse", "contact_time"}
-BY_TRIAL = "wear"  # depends on the number of the trial, which simulated throws do not have
 
 
 @dataclass(frozen=True)
@@ -109,7 +108,8 @@ def acts_on_contacts_alone(effect: Effect) -> bool:
     """Whether an effect changes only (μ, ε), the impulse or the contact time, in the same way in every throw."""
     hooks = [name for name in vars(Effect) if callable(getattr(Effect, name)) and not name.startswith("_")]
     acting = {name for name in hooks if getattr(type(effect), name) is not getattr(Effect, name)}
-    return bool(acting) and acting <= CONTACT_HOOKS | {"shapes"} and effect.name != BY_TRIAL
+    of_throws = "trial" not in effect.along  # simulated throws have no number
+    return bool(acting) and acting <= CONTACT_HOOKS | {"shapes"} and of_throws
 
 
 def law_models(
