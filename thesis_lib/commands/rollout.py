@@ -90,7 +90,7 @@ def rollout(argv: Sequence[str] | None = None) -> int:
             other = model
             model, ended = fit_to_tosses(model, data, others, args.fit, args.start, say)  # pyright: ignore[reportArgumentType]
         found = roll_out(model, data, trials, generator(SEED, "rollout"), args.start, say)  # pyright: ignore[reportArgumentType]
-        content = {"model": repr(model), "dataset": data.name, "held_out": not args.all}
+        content = {"model": str(model), "dataset": data.name, "held_out": not args.all}
         content |= found.content(args.start, generator(SEED, "rollout", "intervals"))
         if args.fit:
             content |= {"fitted": {name: model.values[name] for name in args.fit}, "search_ended": ended}
@@ -99,7 +99,7 @@ def rollout(argv: Sequence[str] | None = None) -> int:
             second = roll_out(other, data, trials, generator(SEED, "rollout"), args.start, say)  # pyright: ignore[reportArgumentType]
             rng = generator(SEED, "rollout", "differences")
             both = compared(found.tosses, second.tosses, args.start, rng)
-            content["against"] = {"model": repr(other), "difference": both}
+            content["against"] = {"model": str(other), "difference": both}
         if args.mjcf:
             from thesis_lib.critique.simulation.in_mujoco import TossesInFile
             from thesis_lib.critique.simulation.rollout import rolled_out_by, summary
@@ -166,7 +166,7 @@ def as_table(content: Mapping) -> str:
     columns = {"model": content, "floor": content["floor"], **content.get("files", {})}
     if "against" in content:
         columns["minus the other"] = content["against"]["difference"]
-    lines = [f"{content['model']} on {content['dataset']}: {content['contactnets']['n']} tosses"]
+    lines = [f"{content['model']}; {content['contactnets']['n']} tosses of {content['dataset']}"]
     lines += [f"{name} = {value:.4g}, fitted to the other tosses" for name, value in content.get("fitted", {}).items()]
     if not content.get("search_ended", True):
         lines.append("this fit stopped at its limit of evaluations: run it again from the model.json that was written")

@@ -3,6 +3,7 @@
 import json
 import math
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -10,7 +11,7 @@ import pytest
 from thesis_lib.contact import LAWS
 from thesis_lib.critique.contacts.model import Model
 from thesis_lib.critique.drops.questions.detectable import detectable
-from thesis_lib.critique.drops.questions.next_experiment import next_experiment
+from thesis_lib.critique.drops.questions.next_experiment import MEASURE_IT, next_experiment
 from thesis_lib.critique.drops.world import Drops
 from thesis_lib.critique.likelihood.comparison import Comparison
 from thesis_lib.critique.likelihood.fit import fit
@@ -23,7 +24,7 @@ from thesis_lib.critique.results.titles import counted_from
 from thesis_lib.critique.selection.discovery import Rejected, paired_gain
 from thesis_lib.critique.selection.scan import scan
 from thesis_lib.effects import EFFECTS, effects_in
-from thesis_lib.mechanics.space import PLANE
+from thesis_lib.mechanics.space import PLANE, SPACE
 from thesis_lib.statistics.wording import number
 
 FAULT = {"name": "mirrored_rotation", "family": "measurement"}
@@ -487,3 +488,11 @@ def test_what_of_a_vector_nothing_shows_is_said():
     assert unseen(effect | {"unseen": [[1e-4, 0.0, -1.0]]}) == "These data cannot determine b_z, which is held at 0."
     oblique = effect | {"unseen": [[0.6, 0.0, -0.8]]}
     assert unseen(oblique) == "These data cannot determine 0.60 b_x −0.80 b_z, which is held at 0."
+
+
+@pytest.mark.parametrize("second, check", [("surface_height", "compare its measured height"), ("magnus", MEASURE_IT)])
+def test_candidates_in_space_that_the_data_do_not_decide_between_have_a_check(second, check):
+    step = SimpleNamespace(clears=True, alternatives=(second,), effect=EFFECTS["linear_drag"])
+    critique = SimpleNamespace(space=SPACE, discovery=SimpleNamespace(steps=(step,)))
+    why = next_experiment(critique, np.random.default_rng(0))["why"]
+    assert f"between “linear drag” and “{EFFECTS[second].title}”" in why and check in why

@@ -150,11 +150,11 @@ class SavedModel(Section):
         """Dynamics of the model."""
         return bind(self.model, self.values, self.believed)
 
-    def __repr__(self) -> str:
-        named = f" with {', '.join(self.effects)}" if self.effects else ""
-        return f"<SavedModel of {self.dataset}: {self.law}{named}>"
+    def __str__(self) -> str:
+        return f"{self.dataset}: {' with '.join(filter(None, [self.law, ', '.join(self.effects)]))}"
 
-    __str__ = __repr__
+    def __repr__(self) -> str:
+        return f"<SavedModel of {self}>"
 
     def predict(self, states: pd.DataFrame | Mapping[str, ArrayLike], source: str = "") -> pd.DataFrame:
         """The table of states with vx_post, vy_post, omega_post and `status`: ok, not_approaching or no_solution.

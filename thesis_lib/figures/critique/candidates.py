@@ -67,8 +67,9 @@ def candidates_sentence(table: pd.DataFrame) -> str:
         return f"Of all effects, “{title}” gains most, {gain} nats per impact, but {first['why']}"
     names = listed([f"“{effect_title(name)}”" for name in found["effect"]])
     gains = listed([number(gain, 2) for gain in found["gain"]])
-    each = " each" if len(found) > 1 else ""
-    sentence = f"{names} alone{each} gains {gains} nats per impact on held-out trials"
+    gain = "gain" if len(found) > 1 else "gains"
+    sentence = f"Alone, {names} {gain} {gains} nats per impact on held-out trials"
     if others.empty:
         return sentence
-    return f"{sentence}; next comes “{effect_title(others['effect'].iloc[0])}” with {number(others['gain'].iloc[0], 2)}"
+    best = effect_title(others["effect"].iloc[0])
+    return f"{sentence}; of the other effects, “{best}” gains most: {number(others['gain'].iloc[0], 2)}"

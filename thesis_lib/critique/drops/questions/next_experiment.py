@@ -34,6 +34,7 @@ from thesis_lib.critique.likelihood.fit import SLOPE_STEP, Fit, fit
 from thesis_lib.effects import EFFECTS
 from thesis_lib.effects.effect import Effect, Rig
 from thesis_lib.mechanics.state import State
+from thesis_lib.statistics.wording import listed
 
 DRAWS = 400
 REACH = 1.3  # range of proposed states over that of measured ones
@@ -56,6 +57,24 @@ CHECKS = {  # how to find a fault of the measurement without an impact
     "marker_offset": "Turn the body about its centre by hand: the tracked point must stay where it is.",
     "time_lag": "Swing the body about a fixed pin: position and angle must turn back at the same instant.",
 }
+IN_SPACE = CHECKS | {  # how to check a candidate in space without an impact
+    "length_scale": "Film a ruler in several directions.",
+    "mirrored_rotation": "Turn the body by hand about one of its axes and look at the sign of the rotation.",
+    "angle_offset": "Lay the body on one of its faces on a levelled surface and look at its measured orientation.",
+    "camera_pose": "Film a plumb line: it shows the direction of gravity in the frame of the camera.",
+    "lens": "Film a straight rod near the edges of the picture: it must look straight.",
+    "surface_tilt": "Lay a spirit level on the surface.",
+    "surface_height": "Lay the body on the surface and compare its measured height with its shape.",
+    "curved_surface": "Lay a straight edge on the surface.",
+    "moving_surface": "Film a mark on the surface during a hit.",
+    "wrong_size": "Measure the body with a caliper.",
+    "rounded_corners": "Measure the radius of the corners with a gauge.",
+    "com_offset": "Balance the body on an edge to find its centre of mass.",
+    "wrong_inertia": "Hang the body as a pendulum: its period shows its moment of inertia.",
+    "inertia_ratios": "Hang the body as a pendulum about several axes: the periods show its moments of inertia.",
+    "wrong_gravity": "Film a ruler and a clock: an error of either changes the acceleration in flight.",
+}
+MEASURE_IT = "Measure one of them without an impact."
 
 
 def next_experiment(critique: DropsCritique, rng: np.random.Generator) -> dict:
@@ -64,7 +83,7 @@ def next_experiment(critique: DropsCritique, rng: np.random.Generator) -> dict:
     If a candidate depends on the place of the impact, states also have x in m.
     """
     if not critique.space.is_plane:
-        return _nothing("The next experiment is proposed for motions in a plane only.")
+        return _in_space(critique)
     if critique.is_structured:
         return _unexplained(critique, rng)
     final = critique.ladder[-1][1]
@@ -90,6 +109,17 @@ def next_experiment(critique: DropsCritique, rng: np.random.Generator) -> dict:
     rival = fit(final.model.with_effect(effect), critique.training, final.values, rounds=1)
     why = f"No other effect is needed; “{effect.title}” is the one that these data rule out least."
     return _compared(critique, final, rival, why, rng)
+
+
+def _in_space(critique: DropsCritique) -> dict:
+    """Checks without an impact that distinguish the first effect with alternatives from these."""
+    for step in critique.discovery.steps:
+        if step.clears and step.alternatives:
+            names = (step.effect.name, *step.alternatives[:NAMED])
+            titles = listed([f"“{EFFECTS[name].title}”" for name in names])
+            checks = [IN_SPACE[name] for name in names if name in IN_SPACE]
+            return _nothing(" ".join([f"These data do not decide between {titles}.", *(checks or [MEASURE_IT])]))
+    return _nothing("Releases are proposed for motions in a plane only.")
 
 
 def tell_apart(critique: DropsCritique, final: Fit, chosen: Effect, other: Effect, rng: np.random.Generator) -> dict:
