@@ -168,14 +168,14 @@ def test_what_an_engine_cannot_have_is_told(engine, effects, missing):
 
 
 def test_models_that_are_unknown_or_of_many_datasets_are_refused(tmp_path, capsys):
-    for text, said in (("laws,gazebo", "knows no 'gazebo'; known are laws, mujoco, drake"), (" , ", "at least one")):
+    for text, said in (("laws,gazebo", "there is no 'gazebo'; known are laws, mujoco, drake"), (" , ", "at least one")):
         with pytest.raises(UserError, match=said):
             read_models(text)
     assert read_models("laws, mujoco,mujoco") == ("laws", "mujoco")
     assert command(["--batch", str(tmp_path), "--models", "laws"]) == 2
     assert "--models compares models on one dataset" in capsys.readouterr().err
     assert command([str(tmp_path), "--models", "gazebo"]) == 2
-    assert "knows no 'gazebo'" in capsys.readouterr().err
+    assert "there is no 'gazebo'" in capsys.readouterr().err
 
 
 @pytest.fixture(scope="module")

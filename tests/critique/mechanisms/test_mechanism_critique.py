@@ -266,7 +266,7 @@ def test_bad_input_is_refused(models, plans):
         criticise_mechanism(trials[:3], models["wheel"], CANDIDATES["wheel"], rng)
     broken = trials[0].q.copy()
     broken[5, 1] = np.nan
-    with pytest.raises(UserError, match="Trial 0 holds"):
+    with pytest.raises(UserError, match="Trial 0 contains"):
         WeakForm([replace(trials[0], q=broken)], models["wheel"], SETTINGS.windows)
     with pytest.raises(UserError, match=r"No window .* left out: \{'too short': \d+\}"):
         WeakForm(trials[:1], models["wheel"], EquationWindowSettings(min_window=1000))

@@ -141,7 +141,7 @@ def test_policies_by_name():
         state = (samples.state[:5], samples.action[:5], samples.context[:5])
         predicted = [each.learner.predict(*state, each.learner.initial_belief(state[2])).mean for each in (one, two)]
         np.testing.assert_array_equal(*predicted)
-    with pytest.raises(UserError, match="100000 samples"):
+    with pytest.raises(UserError, match="100000 training samples"):
         policy_of("hma", samples, 100_000, quick, rng)
     with pytest.raises(UserError, match="no learner oracles"):
         policy_of("oracles", samples, 50, quick, rng)
