@@ -221,7 +221,7 @@ def _at_exposure(motion: Motion, piece: np.ndarray, rate: float | None, notes: l
     first = np.flatnonzero(np.r_[True, np.diff(piece) != 0])
     row = np.arange(len(piece)) - np.repeat(first, np.diff(np.r_[first, len(piece)]))
     part = np.cumsum(row % PART == 0)
-    samples = Samples(part, motion.t, motion.position, part)
+    samples = Samples(part, motion.t, motion.position, piece)  # rows after a part help to count its lost frames
     found = times_of_pictures(samples, rate or 1.0 / long_period(motion.t, piece), lengths=3)
     if found is None:
         return motion, piece
