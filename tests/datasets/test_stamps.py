@@ -3,12 +3,16 @@
 from dataclasses import replace
 
 import numpy as np
+import pandas as pd
 import pytest
 from bouncing import Flights, ellipse_header, fly
 
 from thesis_lib.datasets.format.samples import ArcSettings, make_samples
 from thesis_lib.datasets.impacts.detect import find_in_arrays
 from thesis_lib.datasets.samples.stamps import exposure_times, times_of_pictures
+from thesis_lib.datasets.sources.logs import convert
+from thesis_lib.datasets.sources.tables.options import Reading
+from thesis_lib.datasets.sources.tables.rig_options import RigOptions
 
 PERIOD = 4e-3
 LATE = 2e-3  # s, mean of the delays; half a period
@@ -110,6 +114,16 @@ def test_losses_lie_where_the_stamps_have_them_if_rows_are_little_late(late: flo
     found = times_of_pictures(replace(samples, trial=part, run=samples.trial), 240.0)
     assert found is not None and found[0].all()
     assert np.mean(np.abs(errors(replace(samples, t=found[1]), some)) > 0.5 / 240.0) < MISPLACED
+
+
+def test_equal_stamps_of_a_planar_log_are_put_apart(tmp_path, flights: Flights) -> None:
+    stamps = np.round(arrival(flights.t, flights.trial, np.random.default_rng(8), 1e-3), 3)
+    log = pd.DataFrame(np.c_[flights.trial, stamps, flights.q], columns=["trial", "t", "x", "y", "theta"])
+    assert 0 < np.sum(np.diff(stamps) == 0.0) < 0.1 * len(log)
+    log.to_csv(tmp_path / "log.csv", index=False)
+    made = convert([tmp_path / "log.csv"], "out", RigOptions(flights.header.body.shape), Reading())
+    assert any("those of arrival" in note for note in made.notes) and made.dataset.trajectories is not None
+    assert np.abs(made.dataset.trajectories["t"] - flights.t).max() < SHIFT
 
 
 def test_pictures_that_were_taken_at_odd_times_stay_where_they_are() -> None:
