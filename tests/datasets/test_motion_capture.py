@@ -11,7 +11,7 @@ from tests.datasets.in_space import UP, Take, take
 from tests.datasets.test_logs_in_space import init, same_drops
 from thesis_lib.commands.datasets import main
 from thesis_lib.datasets import find_impacts, read_dataset
-from thesis_lib.datasets.sources.conversion import View
+from thesis_lib.datasets.sources.conversion import Conversion, View
 from thesis_lib.datasets.sources.logs import convert, convert_motions
 from thesis_lib.datasets.sources.motion_capture import c3d
 from thesis_lib.datasets.sources.motion_capture.bags import read_bag
@@ -163,6 +163,38 @@ def test_messages_without_a_stamp_have_the_times_of_their_pictures(tmp_path, rec
     assert len(mended.trials) == DROPS
     assert abs(len(find_impacts(mended).impacts) - len(right.impacts)) <= 1
     same_drops(tmp_path, recorded)
+
+
+def test_equal_times_are_put_apart_or_refused_and_repeated_rows_left_out(tmp_path, recorded):
+    """Equal, not falling, times are placed as times of arrival if all are; falling ones are not."""
+    falls = recorded.drop >= 0
+    log = pd.DataFrame(recorded.position[falls], columns=["x", "y", "z"])
+    log["t"], log["trial"] = recorded.t[falls], recorded.drop[falls]
+    log["t"] += log["trial"]  # no drop begins at the end of another
+
+    def made(t: np.ndarray, rows: np.ndarray | slice = slice(None)) -> Conversion:
+        log.assign(t=t).iloc[rows].to_csv(tmp_path / "log.csv", index=False)
+        return convert([tmp_path / "log.csv"], "out", RigOptions(parse_shape("disk:0.035")), Reading())
+
+    t, n = log["t"].to_numpy(), len(log)
+    right = made(t)
+    late = np.random.default_rng(3).exponential(8e-4, n)
+    stamps = np.round(pd.Series(t + late).groupby(log["trial"]).cummax().to_numpy(), 3)
+    assert 0 < np.sum(np.diff(stamps) == 0.0) < 0.2 * n
+    mended = made(stamps)
+    assert any("those of arrival" in note for note in mended.notes)
+    assert right.dataset.trajectories is not None and mended.dataset.trajectories is not None
+    np.testing.assert_allclose(mended.dataset.trajectories["t"], right.dataset.trajectories["t"], atol=1e-3)
+
+    twice = made(t, np.sort(np.r_[np.arange(n), 50, 50, 80]))
+    assert f"3 of {n + 3} samples left out: they repeat the one before, with its time" in twice.notes
+    pd.testing.assert_frame_equal(twice.dataset.trajectories, right.dataset.trajectories)
+
+    held = np.where(np.isin(np.arange(n), [50, 80]), np.roll(t, 1), t)
+    with pytest.raises(UserError, match=r"log.csv, row 52, trial 0: .*\(equal, not falling; such rows: 2\)"):
+        made(held)
+    with pytest.raises(UserError, match=r"log.csv, row 52, trial 0: time falls after .* Sort the rows by time\."):
+        made(np.where(np.arange(n) == 50, np.roll(t, 2), t))
 
 
 @pytest.mark.parametrize(

@@ -1,22 +1,29 @@
 """Time stamps of arrival are told from those of exposure, by the flights, and put right."""
 
+from dataclasses import replace
+
 import numpy as np
+import pandas as pd
 import pytest
 from bouncing import Flights, ellipse_header, fly
 
 from thesis_lib.datasets.format.samples import ArcSettings, make_samples
 from thesis_lib.datasets.impacts.detect import find_in_arrays
-from thesis_lib.datasets.samples.stamps import exposure_times
+from thesis_lib.datasets.samples.stamps import exposure_times, times_of_pictures
+from thesis_lib.datasets.sources.logs import convert
+from thesis_lib.datasets.sources.tables.options import Reading
+from thesis_lib.datasets.sources.tables.rig_options import RigOptions
 
 PERIOD = 4e-3
 LATE = 2e-3  # s, mean of the delays; half a period
 SHIFT = 0.3e-3  # s; a trial's rows move together by its least delay, which is LATE over the number of rows
+MISPLACED = 1e-3  # share of rows that are late by a whole interval beside a loss, or before the end of a trial
 CLOSE = 2e-4  # relative; a mean of 100 slopes through 150 rows each has 1e-4
 
 
-def arrival(t: np.ndarray, trial: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+def arrival(t: np.ndarray, trial: np.ndarray, rng: np.random.Generator, late: float = LATE) -> np.ndarray:
     """Stamps of rows that come late, in order, one at a time."""
-    stamps = t + rng.exponential(LATE, len(t))
+    stamps = t + rng.exponential(late, len(t))
     for one in np.unique(trial):
         rows = trial == one
         stamps[rows] = np.maximum.accumulate(stamps[rows]) + 1e-9 * np.arange(rows.sum())
@@ -76,7 +83,7 @@ def test_digits_that_were_cut_off_are_restored() -> None:
     """Pictures at 120 Hz with stamps in milliseconds: 8, 9 and 8 ms apart."""
     at_120 = fly(ellipse_header(rate=120.0), np.random.default_rng(5), 100, samples=75)
     _, made, said = restored(at_120, np.floor(1e3 * at_120.t) / 1e3, rate=120.0)
-    assert "those of arrival" in said
+    assert "are rounded to 1 ms" in said and "with more digits" in said and "arrival" not in said
     assert np.abs(errors(made, at_120)).max() < CLOSE * 75 / 120.0
 
 
@@ -86,10 +93,37 @@ def test_lost_pictures_are_counted(flights: Flights) -> None:
     some = Flights(flights.header, flights.trial[kept], flights.t[kept], flights.q[kept], *[flights.exact] * 6)
     stamps = arrival(some.t, some.trial, rng)
     samples, made, said = restored(some, stamps)
-    assert "rows beside lost pictures are left out" in said
+    assert "rows are left out: they come first after lost pictures, or late from before them" in said
     assert 0.95 < len(made) / len(samples) < 1.0
     # nearly all rows stand at their pictures; those near the end of a trial may miss one
     assert np.mean(np.abs(errors(made, some)) < SHIFT) > 0.97
+
+
+@pytest.mark.parametrize("late", [0.0, 0.6e-3])
+def test_losses_lie_where_the_stamps_have_them_if_rows_are_little_late(late: float) -> None:
+    """Up to the last row of a trial, and beyond the end of a part of a long recording; no row is left out."""
+    rng = np.random.default_rng(8)
+    at_240 = fly(ellipse_header(rate=240.0), np.random.default_rng(5), 60)
+    kept = rng.random(len(at_240.t)) > 0.02
+    some = Flights(at_240.header, at_240.trial[kept], at_240.t[kept], at_240.q[kept], *[at_240.exact] * 6)
+    stamps = np.round(arrival(some.t, some.trial, rng, late), 4 if late else 3)  # some are equal
+    samples, made, said = restored(some, stamps, rate=240.0)
+    assert ("rounded to 1 ms" in said) == (late == 0.0) and "left out" not in said and len(made) == len(samples)
+    assert np.mean(np.abs(errors(made, some)) > 0.5 / 240.0) < MISPLACED
+    part = np.cumsum(np.r_[True, np.diff(samples.trial) != 0] | (np.arange(len(samples)) % 50 == 0))
+    found = times_of_pictures(replace(samples, trial=part, run=samples.trial), 240.0)
+    assert found is not None and found[0].all()
+    assert np.mean(np.abs(errors(replace(samples, t=found[1]), some)) > 0.5 / 240.0) < MISPLACED
+
+
+def test_equal_stamps_of_a_planar_log_are_put_apart(tmp_path, flights: Flights) -> None:
+    stamps = np.round(arrival(flights.t, flights.trial, np.random.default_rng(8), 1e-3), 3)
+    log = pd.DataFrame(np.c_[flights.trial, stamps, flights.q], columns=["trial", "t", "x", "y", "theta"])
+    assert 0 < np.sum(np.diff(stamps) == 0.0) < 0.1 * len(log)
+    log.to_csv(tmp_path / "log.csv", index=False)
+    made = convert([tmp_path / "log.csv"], "out", RigOptions(flights.header.body.shape), Reading())
+    assert any("those of arrival" in note for note in made.notes) and made.dataset.trajectories is not None
+    assert np.abs(made.dataset.trajectories["t"] - flights.t).max() < SHIFT
 
 
 def test_pictures_that_were_taken_at_odd_times_stay_where_they_are() -> None:

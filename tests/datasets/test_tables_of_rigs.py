@@ -99,6 +99,12 @@ def test_the_form_of_a_table_is_found(tmp_path, form):
     assert done.warnings == []
 
 
+def test_rows_that_repeat_are_left_out(tmp_path):
+    twice = read(tmp_path, text(FRAME.iloc[np.sort(np.r_[np.arange(len(FRAME)), 5, 5, 9])]))
+    same(twice)
+    assert f"3 of {len(FRAME) + 3} rows left out: they repeat the one before, with its time" in twice.notes
+
+
 def test_stamps_in_nanoseconds_keep_their_digits(tmp_path):
     """Floats of 19 digits are 256 ns apart; integers are taken off the first before."""
     stamps = STAMPS + np.arange(len(STAMPS))  # 1 ns a row later

@@ -11,8 +11,9 @@ the body is fast are fitted by parabolas over both.  If the fits over picture nu
 times are t_0 + P k.  A delay that is the same in all rows changes no result.
 
 A lost picture delays all later rows by P.  Their lateness never falls below its least value again, so the minimum over
-the next `AHEAD` rows counts the lost pictures.  The first row after the gap, which may also be a late row from before
-the gap, is left out.
+the next `AHEAD` rows counts the lost pictures.  Fewer follow the last rows of a trial, where a delay of P means a lost
+picture or late rows; and the first row after a gap may be a late row from before it, and is left out.  If rows are
+seldom late by P, both are lost pictures: they are counted up to the last row, and no row is left out.
 
 | on paper | in code   | unit | shape |                                            |
 |----------|-----------|------|-------|--------------------------------------------|
@@ -34,9 +35,12 @@ WINDOW, STRIDE = 8, 4  # rows of a parabola, and from one to the next: most wind
 FAST = 2.0 / 3.0  # quantile of the speed from which windows are used: at rest all times fit equally
 FEW = 20  # fewest windows for a decision
 STRAIGHTER = 1.5  # ratio of the median squares from which the times are those of arrival
+ROUNDED = 1.05  # units by which rounded stamps are late at most, with some drift of the clock
+WHOLLY = 1e-3  # units by which a multiple of one may be off: digits of floats
 SPAN = 16  # steps from which the period is guessed where no rate is stated
 FEW_TRIALS = 5  # fewest trials for a median period and its spread
 WHOLE = 0.9  # periods by which a row must be late to lie after a lost picture
+SELDOM = 0.01  # share of rows later than that, below which each such row is taken to lie after a lost picture
 SURELY = 4.0  # standard errors by which the fitted period must differ from the stated one to replace it
 
 
@@ -71,17 +75,33 @@ def times_of_pictures(
     ratio = float(np.median(stamped[fast]) / max(np.median(taken[fast]), 1e-300))
     if ratio < STRAIGHTER:
         return None
-    middle, most = 1e3 * np.quantile(late, [0.5, 0.95])
-    left_out = int((~sure).sum())
+    clock = f"the camera's clock of {1.0 / period:.6g} Hz"
+    unit, (middle, most) = _unit(samples), np.quantile(late, [0.5, 0.95])
+    if most <= ROUNDED * unit:
+        fault = f"are rounded to {1e3 * unit:g} ms, and deviate by up to as much from {clock}."
+        remedy = "time with more digits"
+    else:
+        fault = (
+            f"are those of arrival, not of exposure: half of the rows are more than {1e3 * middle:.2g} ms later than "
+            f"{clock}, one in twenty more than {1e3 * most:.2g} ms."
+        )
+        remedy = "time of exposure"
     times = f"{ratio:.2g} times" if ratio < 100.0 else "over 100 times"
-    beside = f"; {left_out} rows beside lost pictures are left out" if left_out else ""
+    beside = ""
+    if left_out := int((~sure).sum()):
+        beside = f"; {left_out} rows are left out: they come first after lost pictures, or late from before them"
     said = (
-        f"The time stamps are those of arrival, not of exposure: half of the rows are more than {middle:.2g} ms later "
-        f"than the camera's clock of {1.0 / period:.6g} Hz, one in twenty more than {most:.2g} ms. With times from "
-        f"the picture numbers the squared residuals of the flights are {times} smaller, so these times are used"
-        f"{beside}. Log the time of exposure, or the picture number over the rate."
+        f"The time stamps {fault} With times from the picture numbers the squared residuals of the flights are {times} "
+        f"smaller, so these times are used{beside}. Log the {remedy}, or the picture number over the rate."
     )
     return sure, t, said
+
+
+def _unit(samples: Samples) -> float:
+    """The power of ten in s of which all steps within a trial are multiples; 0 if it is below `IRREGULAR`."""
+    step = np.diff(samples.t)[samples.trial[1:] == samples.trial[:-1]]
+    units = [0.1, 0.01, 1e-3, IRREGULAR]
+    return next((one for one in units if (np.abs(step / one - np.round(step / one)) < WHOLLY).all()), 0.0)
 
 
 def _clock_behind(samples: Samples, rate: float | None) -> tuple[np.ndarray, np.ndarray, float] | None:
@@ -95,8 +115,19 @@ def _clock_behind(samples: Samples, rate: float | None) -> tuple[np.ndarray, np.
     off = np.abs(step - period * np.round(step / period))
     if np.quantile(off, MANY) < IRREGULAR:
         return None
-    picture, sure = _pictures(samples, period)
-    first = np.flatnonzero(np.r_[True, ~same])
+    late, sure, period = _lateness(samples, period, rate, None)
+    followed = np.r_[samples.run[AHEAD - 1 :] == samples.run[: 1 - AHEAD], np.zeros(AHEAD - 1, bool)]
+    if np.sum(late[followed & sure] > WHOLE * period) < SELDOM * np.sum(followed & sure):
+        late, sure, period = _lateness(samples, period, rate, late)
+    return late, sure, period
+
+
+def _lateness(
+    samples: Samples, period: float, rate: float | None, seldom: np.ndarray | None
+) -> tuple[np.ndarray, np.ndarray, float]:
+    """As `_clock_behind`; `seldom`: a first estimate of the lateness (N,) if rows are seldom late by a period."""
+    picture, sure = _pictures(samples, period, seldom)
+    first = np.flatnonzero(np.r_[True, np.diff(samples.trial) != 0])
     n = np.diff(np.r_[first, len(samples)])
     number = np.repeat(np.arange(len(n)), n)
     found, std = _period_of_pictures(samples.t, picture, number, n)
@@ -127,24 +158,31 @@ def _period(samples: Samples) -> float:
     return float(np.median((samples.t[SPAN:] - samples.t[:-SPAN])[far])) / SPAN
 
 
-def _pictures(samples: Samples, period: float) -> tuple[np.ndarray, np.ndarray]:
-    """Picture number (N,) of each row in its trial, and the mask (N,) of the certain ones."""
+def _pictures(samples: Samples, period: float, seldom: np.ndarray | None) -> tuple[np.ndarray, np.ndarray]:
+    """Picture number (N,) of each row in its trial, and the mask (N,) of the certain ones; arguments of `_lateness`.
+
+    Rows that follow the trial in the same run help to distinguish late from lost.
+    """
     picture, sure = np.zeros(len(samples), int), np.ones(len(samples), bool)
     for rows in np.split(np.arange(len(samples)), np.flatnonzero(np.diff(samples.trial)) + 1):
-        n = len(rows)
-        lag = samples.t[rows] - period * np.arange(n)
+        n, after = len(rows), np.arange(rows[-1] + 1, min(rows[-1] + AHEAD, len(samples)))
+        t = samples.t[np.r_[rows, after[samples.run[after] == samples.run[rows[-1]]]]]
+        lag = t - period * np.arange(len(t))
         padded = np.r_[lag, np.full(AHEAD - 1, np.inf)]
-        least = np.lib.stride_tricks.sliding_window_view(padded, AHEAD).min(axis=1)
-        lost = np.round((least - least[0]) / period).astype(int)
-        lost[max(n - AHEAD, 0) :] = lost[max(n - AHEAD, 0)]  # too few rows follow to distinguish late from lost
+        least = np.lib.stride_tricks.sliding_window_view(padded, AHEAD).min(axis=1)[:n]
+        on_time = least[0] if seldom is None else lag[0] - seldom[rows[0]] + seldom[rows[:AHEAD]].min()
+        lost = np.round((least - on_time) / period).astype(int)
+        if seldom is None:  # too few rows follow the last ones
+            last = max(len(t) - AHEAD, 0)
+            lost[last:] = lost[min(last, n - 1)]
         lost = np.maximum.accumulate(np.maximum(lost, 0))
-        for behind in np.flatnonzero(np.diff(lost)) + 1:
+        for behind in np.flatnonzero(np.diff(lost, prepend=0)):
             # no row comes before its picture: such rows belong before the gap, and came late
-            before, i = lost[behind - 1], behind
-            while i < n - 1 and lag[i] - least[0] < period * (before + WHOLE):
+            before, i = lost[behind - 1] if behind else 0, behind
+            while i < n and lag[i] - on_time < period * (before + WHOLE):
                 lost[i] = before
                 i += 1
-            sure[rows[i]] = False
+            sure[rows[i : i + 1]] = seldom is not None
         picture[rows] = np.arange(n) + lost
     return picture, sure
 

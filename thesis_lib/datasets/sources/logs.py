@@ -18,7 +18,7 @@ from thesis_lib.datasets.sources.tables.log_table import read_log
 from thesis_lib.datasets.sources.tables.options import Reading, parse_direction, parse_numbers
 from thesis_lib.datasets.sources.tables.pose import ORDERS, read_quaternion_tables
 from thesis_lib.datasets.sources.tables.rig_options import RigOptions, needs_no_angle
-from thesis_lib.datasets.space.motion import Motion, handed, join
+from thesis_lib.datasets.space.motion import Motion, handed, join, refuse_equal_times
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.foundation.regular_file import is_file
 
@@ -194,7 +194,11 @@ def convert_motions(
     The motion of a shape in space stays in space; any other is projected into its plane.  UserError if no free flight
     or no plane is found, rotations fit far better in another reading, or no drop is left.
     """
+    rows = sum(map(len, motions))
+    motions = [motion.distinct() for motion in motions]
     samples = sum(map(len, motions))
+    if repeated := rows - samples:
+        notes.append(f"{repeated} of {rows} samples left out: they repeat the one before, with its time")
     if not motions[0].oriented:
         needs_no_angle(rig.shape, motions[0].source)
     motion, piece = join([handed(motion, view.left_handed) for motion in motions], placed=rig.in_space)
@@ -205,6 +209,8 @@ def convert_motions(
             f"{unturned} of {samples} samples have a position but no orientation: they are kept as rows without one"
         )
     motion, piece = _at_exposure(motion, piece, rig.rate, notes)
+    if (motion.t[1:] == motion.t[:-1]).any():
+        refuse_equal_times(motions, rig.in_space)
     try:
         recorded = Recorded(motion, piece, name, files, rig, view, notes)
         return keep_in_space(recorded) if rig.in_space else project(recorded)
@@ -221,7 +227,7 @@ def _at_exposure(motion: Motion, piece: np.ndarray, rate: float | None, notes: l
     first = np.flatnonzero(np.r_[True, np.diff(piece) != 0])
     row = np.arange(len(piece)) - np.repeat(first, np.diff(np.r_[first, len(piece)]))
     part = np.cumsum(row % PART == 0)
-    samples = Samples(part, motion.t, motion.position, part)
+    samples = Samples(part, motion.t, motion.position, piece)  # rows after a part help to count its lost frames
     found = times_of_pictures(samples, rate or 1.0 / long_period(motion.t, piece), lengths=3)
     if found is None:
         return motion, piece

@@ -12,8 +12,10 @@ from scipy.spatial.transform import Rotation
 
 from thesis_lib.datasets.checks.known_body import KnownBody
 from thesis_lib.datasets.checks.trajectories import check_trajectories
+from thesis_lib.datasets.format.samples import Samples
 from thesis_lib.datasets.format.validate import SHOWN, UsableRows, ValidationReport, row_text
-from thesis_lib.datasets.sources.conversion import Conversion, as_dataset
+from thesis_lib.datasets.samples.stamps import times_of_pictures
+from thesis_lib.datasets.sources.conversion import Conversion, as_dataset, long_period
 from thesis_lib.datasets.sources.tables.log_table import Log
 from thesis_lib.datasets.sources.tables.options import Reading
 from thesis_lib.datasets.sources.tables.pose import read_poses
@@ -51,10 +53,30 @@ def convert_logs(
     if len(poses) == 0:
         raise UserError(f"{files[0]} has no row with a complete pose; nothing was converted.")
     poses["trial"] = _number_trials(poses["trial"], notes)
+    repeated = (poses == poses.shift()).all(axis=1)
+    if repeated.any():
+        notes.append(f"{int(repeated.sum())} of {len(poses)} rows left out: they repeat the one before, with its time")
+        poses = poses[~repeated].reset_index(drop=True)
+    poses = _apart(poses, rig, notes)
     _refuse_degrees(files[0], poses, options, rig)
     if any(frame):
         poses = _of_the_body(poses, frame)
     return Conversion(as_dataset(poses, name, files, rig, notes), notes, warnings)
+
+
+def _apart(poses: pd.DataFrame, rig: RigOptions, notes: list[str]) -> pd.DataFrame:
+    """The poses, with equal times of rows in sequence replaced by those of their pictures, if the times are those of
+    arrival; other times stay as they are logged, and are replaced when the dataset is used."""
+    trial, t = poses["trial"].to_numpy(), poses["t"].to_numpy()
+    step = np.diff(t)[trial[1:] == trial[:-1]]
+    if (step > 0.0).all() or (step < 0.0).any():
+        return poses
+    samples = Samples(trial, t, poses[["x", "y"]].to_numpy(), trial)
+    if (found := times_of_pictures(samples, rig.rate or 1.0 / long_period(t, trial))) is None:
+        return poses
+    sure, times, said = found
+    notes.append(said)
+    return poses[sure].assign(t=times)
 
 
 def _of_the_body(poses: pd.DataFrame, frame: Frame) -> pd.DataFrame:

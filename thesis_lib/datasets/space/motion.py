@@ -25,7 +25,7 @@ Readings = Mapping[str, Callable[[], np.ndarray]]
 
 @dataclass(frozen=True, eq=False)
 class Motion:
-    """One body of one recording; arrays as above, `t` (n,) in s rises."""
+    """One body of one recording; arrays as above, `t` (n,) in s does not fall."""
 
     body: str
     source: str  # file, for messages
@@ -35,6 +35,7 @@ class Motion:
     trial: np.ndarray | None = None  # text (n,), if the recording states to which release a sample belongs
     readings: Readings = field(default_factory=dict)  # option -> the quaternions (n, 4) that it would give
     oriented: bool = True  # False: a point
+    row: np.ndarray | None = None  # (n,) in the file, for messages
 
     @classmethod
     def of_point(
@@ -60,10 +61,19 @@ class Motion:
 
     def part(self, chosen: np.ndarray) -> "Motion":
         """The motion of the samples `chosen` (mask or indices)."""
-        trial = None if self.trial is None else self.trial[chosen]
+        trial, row = (None if one is None else one[chosen] for one in (self.trial, self.row))
         readings = {name: lambda read=read: read()[chosen] for name, read in self.readings.items()}
         arrays = self.t[chosen], self.position[chosen], self.quaternion[chosen]
-        return replace(self, t=arrays[0], position=arrays[1], quaternion=arrays[2], trial=trial, readings=readings)
+        arrays = dict(zip(("t", "position", "quaternion"), arrays))
+        return replace(self, **arrays, trial=trial, row=row, readings=readings)
+
+    def distinct(self) -> "Motion":
+        """The motion without samples that equal the one before in everything."""
+        cells = np.column_stack([self.t, self.position, np.nan_to_num(self.quaternion)])
+        equal = (cells[1:] == cells[:-1]).all(axis=1)
+        if self.trial is not None:
+            equal &= self.trial[1:] == self.trial[:-1]
+        return self.part(np.r_[True, ~equal][: len(self)])
 
 
 def unit(quaternion: np.ndarray, where: str) -> np.ndarray:
@@ -139,27 +149,20 @@ def join(motions: Sequence[Motion], placed: bool = False) -> tuple[Motion, np.nd
     """The seen samples of several recordings in sequence, as one motion, and the number (n,) of each sample's piece.
 
     `placed`: include samples with a position but no orientation, which is then NaN.
-    A piece is a trial of a recording that names trials, else a whole recording.  UserError if time does not increase
-    within a piece, or if no sample is complete.
+    A piece is a trial of a recording that names trials, else a whole recording.  UserError if time falls within a
+    piece, or if no sample is complete.
     """
-    pieces = []
-    for motion in motions:
-        labels = np.zeros(len(motion)) if motion.trial is None else motion.trial
-        kept = motion.placed if placed else motion.seen
-        pieces += [motion.part((labels == label) & kept) for label in dict.fromkeys(labels.tolist())]
-    pieces = [piece for piece in pieces if len(piece)]
+    pieces = _pieces(motions, placed)
     if len({piece.oriented for piece in pieces}) > 1:
         raise UserError("Some of the files have the orientation of the body, others do not; convert them separately.")
     if not any(piece.seen.any() for piece in pieces):
         raise UserError(f"{motions[0].source} contains no complete pose of {motions[0].body or 'the body'}.")
+    if found := _first_step(pieces, lambda step: step < 0.0):
+        where, at, count, named = found
+        trials = "" if named else "; if several trials are in one file, name their column with --columns trial=…"
+        raise UserError(f"{where}: time falls after {at:.6g} s (such rows: {count}). Sort the rows by time{trials}.")
     clock, times = 0.0, []
     for piece in pieces:
-        if (np.diff(piece.t) <= 0.0).any():
-            at = piece.t[int(np.flatnonzero(np.diff(piece.t) <= 0.0)[0])]
-            raise UserError(
-                f"{piece.source}: time does not increase after {at:.6g} s. Sort the samples; if several trials are in "
-                "one file, name their column with --columns trial=…"
-            )
         times.append(piece.t - piece.t[0] + clock)
         clock = times[-1][-1] + PAUSE
     first = pieces[0]
@@ -171,5 +174,41 @@ def join(motions: Sequence[Motion], placed: bool = False) -> tuple[Motion, np.nd
     number = np.repeat(np.arange(len(pieces)), [len(piece) for piece in pieces])
     position = np.concatenate([piece.position for piece in pieces])
     quaternion = np.concatenate([piece.quaternion for piece in pieces])
-    whole = replace(first, t=np.concatenate(times), position=position, quaternion=quaternion, trial=None)
-    return replace(whole, readings=readings), number
+    arrays = {"t": np.concatenate(times), "position": position, "quaternion": quaternion}
+    return replace(first, **arrays, trial=None, row=None, readings=readings), number
+
+
+def refuse_equal_times(motions: Sequence[Motion], placed: bool) -> None:
+    """UserError if samples of a piece (as in `join`) have equal times; with distinct poses, they are no repetitions."""
+    if found := _first_step(_pieces(motions, placed), lambda step: step == 0.0):
+        where, at, count, _ = found
+        raise UserError(
+            f"{where}: the time {at:.6g} s equals that of the row before, but the pose does not (equal, not falling; "
+            f"such rows: {count}). Times of arrival are replaced by those of the frames, but the flights do not show "
+            "that these are. Log the time with more digits, or use the number of the frame: --columns t=NAME --rate HZ."
+        )
+
+
+def _pieces(motions: Sequence[Motion], placed: bool) -> list[Motion]:
+    """The seen samples of each trial of each recording, as in `join`."""
+    pieces = []
+    for motion in motions:
+        labels = np.zeros(len(motion)) if motion.trial is None else motion.trial
+        kept = motion.placed if placed else motion.seen
+        pieces += [motion.part((labels == label) & kept) for label in dict.fromkeys(labels.tolist())]
+    return [piece for piece in pieces if len(piece)]
+
+
+def _first_step(
+    pieces: Sequence[Motion], wrong: Callable[[np.ndarray], np.ndarray]
+) -> tuple[str, float, int, bool] | None:
+    """Place and time in s of the first sample after a `wrong` step in time, the number of such samples, and whether the
+    place states a trial; None if no step is wrong."""
+    found = [(piece, np.flatnonzero(wrong(np.diff(piece.t)))) for piece in pieces]
+    for piece, before in found:
+        if len(before):
+            where = piece.source + ("" if piece.row is None else f", row {piece.row[before[0] + 1]}")
+            where += "" if piece.trial is None else f", trial {piece.trial[0]}"
+            count = sum(len(rows) for _, rows in found)
+            return where, float(piece.t[before[0]]), count, piece.trial is not None
+    return None

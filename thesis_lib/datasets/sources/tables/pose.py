@@ -13,6 +13,7 @@ they must be named qx, qy, qz, qw and may stand in any order.  A ball has none.
 """
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
@@ -257,8 +258,9 @@ def motion_of_table(log: Log, source: Mapping[str, tuple[str, float]], options: 
     t = times(log, options, one, source["t"][0], notes)
     scales = [options.si.to_si(axis, log.unit(source[axis][0]), log.where(source[axis][0])) for axis in AXES]
     position = np.array(scales) * np.stack([cells(axis) for axis in AXES], axis=1)
+    rows = np.asarray(log.cells.index)
     if order is None:
-        return Motion.of_point("", str(path), t, position, trial)
+        return replace(Motion.of_point("", str(path), t, position, trial), row=rows)
     raw = unit(np.stack([cells(name) for name in four], axis=1), f"{path}, {', '.join(source[q][0] for q in four)}")
 
     quaternion = raw[:, ORDERS[order]]
@@ -270,4 +272,4 @@ def motion_of_table(log: Log, source: Mapping[str, tuple[str, float]], options: 
         turned = [four[ORDERS[order][other]] for other in range(3) if other != flipped]
         option = ",".join(f"{q}={'-' if source[q][1] > 0 else ''}{source[q][0]}" for q in sorted(turned))
         readings |= {f"--columns {option}": partial(mirrored, quaternion, flipped)}
-    return Motion("", str(path), t, position, quaternion, trial, readings)
+    return Motion("", str(path), t, position, quaternion, trial, readings, row=rows)
