@@ -139,8 +139,8 @@ def join(motions: Sequence[Motion], placed: bool = False) -> tuple[Motion, np.nd
     """The seen samples of several recordings in sequence, as one motion, and the number (n,) of each sample's piece.
 
     `placed`: include samples with a position but no orientation, which is then NaN.
-    A piece is a trial of a recording that names trials, else a whole recording.  UserError if time does not increase
-    within a piece, or if no sample is complete.
+    A piece is a trial of a recording that names trials, else a whole recording; the motion keeps these names.
+    UserError if time does not increase within a piece, or if no sample is complete.
     """
     pieces = []
     for motion in motions:
@@ -172,4 +172,6 @@ def join(motions: Sequence[Motion], placed: bool = False) -> tuple[Motion, np.nd
     position = np.concatenate([piece.position for piece in pieces])
     quaternion = np.concatenate([piece.quaternion for piece in pieces])
     whole = replace(first, t=np.concatenate(times), position=position, quaternion=quaternion, trial=None)
+    if all(piece.trial is not None for piece in pieces):
+        whole = replace(whole, trial=np.concatenate([piece.trial for piece in pieces]))
     return replace(whole, readings=readings), number
