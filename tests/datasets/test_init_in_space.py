@@ -9,6 +9,9 @@ from tossed import flights
 
 from thesis_lib.commands.datasets import main
 from thesis_lib.datasets import read_dataset
+from thesis_lib.datasets.sources.logs import convert
+from thesis_lib.datasets.sources.tables.options import Reading
+from thesis_lib.datasets.sources.tables.rig_options import RigOptions, parse_shape
 from thesis_lib.datasets.space.flights import too_slow
 
 Q = ["qw", "qx", "qy", "qz"]
@@ -79,7 +82,60 @@ def test_one_fall_among_many_trials_does_not_say_where_up_is(tmp_path, capsys):
     frame.loc[still, ["x", "y", "z"]] = 2e-4 * np.random.default_rng(0).standard_normal((int(still.sum()), 3))
     log = frame.rename(columns={"x": "y", "y": "z", "z": "x"})
     assert init(tmp_path, log, *XYZW)[0] == 2
-    assert "there are 1 free flights with --up x" in capsys.readouterr().err
+    assert "there is 1 free flight with --up x" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("units", "said"),
+    [
+        ((), "times look like ms (240 Hz, not 0.24 Hz) and the lengths look like mm: then there are 12 free flights."),
+        (("--units", "mm"), "times look like ms (240 Hz, not 0.24 Hz): then there are 12 free flights."),
+        (("--units", "mm,us"), "times look like ms (240 Hz, not 2.4e+05 Hz): then"),
+        (("--units", "cm,ms"), "the lengths look like mm: then there are 12 free flights."),
+        (("--units", "ms"), "the lengths look like mm: then there are 12 free flights."),
+    ],
+)
+def test_wrong_units_are_named_with_the_option(tmp_path, capsys, units, said):
+    log = flights(trials=12, spin=2.0)
+    log[["t", "x", "y", "z"]] *= 1e3
+    assert init(tmp_path, log, *NAMED, *units)[0] == 2
+    error = capsys.readouterr().err
+    assert said in error and "Give --units mm,ms.\n" in error, error
+
+
+def test_inches_and_slow_clocks_are_named(tmp_path, capsys):
+    frame = flights(trials=12, spin=2.0)
+    log = frame.assign(t=1e3 * frame["t"])
+    log[["x", "y", "z"]] /= 0.0254
+    assert init(tmp_path, log, *NAMED, "--units", "ms")[0] == 2
+    assert "look like inches: then there are 12 free flights. Give --units ms and --scale 39.3701." in (
+        capsys.readouterr().err
+    )
+    assert init(tmp_path, log.assign(x=0.0, y=0.0, z=0.0), *NAMED)[0] == 2  # nothing falls in any unit
+    assert "the times look like ms (240 Hz, not 0.24 Hz). Give --units ms." in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("names", "trials"),
+    [([1, 2, 3], [1, 2, 3]), ([12, 7, 9], [12, 7, 9]), (["a", "b", "c"], [0, 1, 2]), ([-1, 0, 1], [0, 1, 2])],
+)
+def test_trials_keep_their_numbers_and_quaternions_may_be_named_by_part(tmp_path, names, trials):
+    frame = flights(trials=3, spin=2.0)
+    log = frame.assign(trial=np.array(names)[frame["trial"]])
+    log.rename(columns={"qx": "i", "qy": "j", "qz": "k", "qw": "r"}).to_csv(tmp_path / "log.csv", index=False)
+    columns = {name: (name.translate(str.maketrans("xyzw", "ijkr"))[1:], 1.0) for name in Q}
+    reading = Reading(columns=columns, quaternion="xyzw", tracked="shape")
+    made = convert([tmp_path / "log.csv"], "made", RigOptions(parse_shape(SHAPE[1])), reading)
+    poses = made.dataset.trajectories
+    assert poses["trial"].unique().tolist() == trials
+    np.testing.assert_allclose(np.abs(np.sum(poses[Q].to_numpy() * frame[Q].to_numpy(), axis=1)), 1.0, atol=1e-12)
+    said = f"trials numbered in order of appearance: 0 = {names[0]}, …, 2 = {names[2]}"
+    assert (said in made.notes) == (trials != names)
+
+
+def test_a_part_of_the_quaternion_is_named_once(tmp_path, capsys):
+    assert init(tmp_path, flights(), "--columns", "q1=qx,qx=qx", *XYZW)[0] == 2
+    assert "with --quaternion xyzw, q1 is qx; give one of them" in capsys.readouterr().err
 
 
 def test_another_order_of_the_quaternion_is_refused_with_the_option(tmp_path, capsys):
@@ -127,6 +183,16 @@ def test_a_wrong_reading_is_refused_whatever_point_is_tracked(tmp_path, capsys, 
     [
         ("box:0.1,0.08", (), "--shape: 'box:0.1,0.08' is not a shape"),
         ("cube:0.1", (), "box:X,Y,Z"),
+        (
+            "box:100,80,60",
+            (),
+            "error: --shape: the box reaches 70.7 m from its centre: millimetres? --shape of the init",
+        ),
+        (
+            "box:0.1,0.08,0.06",
+            ("--surface-height", "50"),
+            "the surface (--surface-height): the point is more than 40 m",
+        ),
         ("box:0.1,0.08,0.06", ("--plane", "x"), "--plane is for planar shapes"),
         ("box:0.1,0.08,0.06", ("--k-g", "0.03"), "--k-g is for planar shapes"),
         ("mesh:missing.obj,0.001", (), "does not exist"),
@@ -141,7 +207,8 @@ def test_options_that_do_not_fit(tmp_path, capsys, shape, options, message):
 def test_a_planar_table_has_no_body_in_space(tmp_path, capsys):
     frame = flights().drop(columns=[*Q, "y"]).rename(columns={"z": "y"}).assign(theta=0.0)
     assert init(tmp_path, frame, *SHAPE)[0] == 2
-    assert "a box is a body in space" in capsys.readouterr().err
+    said = capsys.readouterr().err
+    assert "a box is a body in space" in said and "give --quaternion xyzw or wxyz, and name its columns" in said
 
 
 @pytest.mark.slow

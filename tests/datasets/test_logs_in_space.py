@@ -160,9 +160,9 @@ WRONG = [
     ("table", ["--quaternion", "wxyz", *TABLE], "They fit with --quaternion xyzw"),
     ("table", ["--quaternion", "xyzw", "--left-handed", *TABLE], "They fit with no --left-handed"),
     ("table", ["--quaternion", "xyzw", "--up", "y", *TABLE], "free flights with --up z"),
-    ("millimetres", ["--quaternion", "xyzw", *TABLE], "free flights with --up z and --units mm"),
+    ("millimetres", ["--quaternion", "xyzw", *TABLE], "the lengths look like mm: then there are"),
     ("table", ["--quaternion", "xyzw", "--surface-height", "-0.4", *TABLE], "(--surface-height)"),
-    ("table", ["--quaternion", "xyzw"], "has no column x, y, z, qx, qy, qz, qw"),
+    ("table", ["--quaternion", "xyzw"], "x=…,y=…,z=…,qx=…,qy=…,qz=…,qw=…"),
     (
         "table",
         ["--quaternion", "xyzw", "--columns", "x=X,y=Y,z=Z,q1=X,q2=Y,q3=Z,q4=q3,t=time"],

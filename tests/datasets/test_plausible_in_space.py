@@ -44,6 +44,10 @@ def test_lengths_in_other_units_are_refused(factor, unit):
     assert f"columns x, y, z: look like {unit}" in said(trajectories=frame)
     slow = flights(noise=(2e-5, 3e-3))
     slow[["x", "y", "z"]] *= 100.0
+    ten = flights().assign(**{axis: 10.0 * flights()[axis] for axis in "xyz"})
+    assert "millimetres read as centimetres: with this unit 8 free flights fall; as written, by 98.1 m/s²" in said(
+        trajectories=ten
+    )
     assert "x, y, z: look like cm: with this unit 8 free flights fall" in said(trajectories=slow[slow["t"] < 0.18])
 
 

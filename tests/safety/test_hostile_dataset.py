@@ -182,7 +182,7 @@ def test_names_in_the_configuration_are_no_paths_or_commands(name, section):
 
 
 @pytest.mark.parametrize(
-    "text", ["plain ± μ – “é”\n\tnext", *(f"a{order}b" for order in ORDERS), DESCRIPTION, "\ud800", "\u2028"]
+    "text", ["plain ± μ – “é”\n\tnext", *(f"a{order}b" for order in ORDERS), DESCRIPTION, "\ud800", "\u2028", "\xa0"]
 )
 def test_visible_text_prints_and_plain_text_stays(text):
     shown = visible(text)
@@ -191,6 +191,8 @@ def test_visible_text_prints_and_plain_text_stays(text):
     assert visible(shown) == shown
     if text.startswith("plain"):
         assert shown == text
+    elif text == "\xa0":
+        assert shown == " "  # between a number and its unit
     elif len(text) == 3:
         assert shown == f"a{ascii(text[1])[1:-1]}b"
 

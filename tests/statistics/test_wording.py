@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from thesis_lib.statistics.wording import count, ends, estimate, interval, listed, number, percent, side, times
+from thesis_lib.statistics.wording import count, ends, estimate, interval, listed, number, percent, plural, side, times
 
 NO_BREAK = "\N{NO-BREAK SPACE}"
 WORDS = ("below", "around", "above")
@@ -73,6 +73,10 @@ def test_only_all_is_a_hundred_percent(share, text):
 def test_lists_read_like_sentences():
     assert [listed(list("abc")[:n]) for n in (1, 2, 3)] == ["a", "a and b", "a, b and c"]
     assert listed(["a", "b"], "or") == "a or b" and listed([]) == ""
+
+
+def test_one_thing_is_singular():
+    assert [plural(n, "free flight") for n in (0, 1, 2)] == ["0 free flights", "1 free flight", "2 free flights"]
 
 
 def test_ratios_have_two_decimals_about_one():

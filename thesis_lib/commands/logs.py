@@ -87,7 +87,7 @@ def add_init(commands: argparse._SubParsersAction) -> None:
     init.add_argument("--scale", metavar="PX", help=f"scale of a table in pixels: {scale}")
     zero = "point that becomes x = 0, y = 0, in the coordinates of the table; default: 0,0"
     init.add_argument("--origin", metavar="U,V", help=zero)
-    order = "order of quaternions in a table with columns x, y, z, and q1, q2, q3, q4, or by default qx, qy, qz, qw"
+    order = "order of quaternions in a table with columns x, y, z, and qx, qy, qz, qw, or q1, q2, q3, q4 in this order"
     init.add_argument("--quaternion", choices=["xyzw", "wxyz"], help=order)
     left = "rotations refer to a left-handed frame, or rotate the world into the body"
     init.add_argument("--left-handed", action="store_true", help=left)

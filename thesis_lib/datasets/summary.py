@@ -14,6 +14,7 @@ from thesis_lib.datasets.format.table_forms import POSITION, V_POST_IN_SPACE, V_
 from thesis_lib.datasets.impacts.detect import FoundImpacts, find_impacts
 from thesis_lib.datasets.impacts.found import MIN_IMPACTS, MIN_TRIALS, are_enough
 from thesis_lib.datasets.read import read_dataset
+from thesis_lib.statistics.wording import plural
 
 SHOWN = 5  # largest number of trials named in a line
 UNIT = {"t": "s", "theta": "rad", "omega": "rad/s"}
@@ -146,10 +147,11 @@ def summary_text(dataset: Dataset, detection: FoundImpacts | None = None, hits: 
         lines.append(f"flights     {part['flights']}{fall}; {lost}")
         if part["held"] or part["in_the_air"]:
             held, caught = _named(part["held_until"].items(), "until"), _named(part["in_the_air_at"].items(), "at")
-            ends = f"{part['in_the_air']} end in the air: caught, out of view, or beyond the table's edge"
+            begin, end = (f"{word}{'s' * (part[key] == 1)}" for word, key in (("begin", "held"), ("end", "in_the_air")))
             lines += [
-                f"releases    {part['held']} trials begin before the release of the body{held}",
-                f"  ends      {ends}{caught}",
+                f"releases    {plural(part['held'], 'trial')} {begin} before the release of the body{held}",
+                f"  ends      {part['in_the_air']} {end} in the air: caught, out of view, or beyond the table's edge"
+                f"{caught}",
             ]
     if (part := facts.get("impacts")) is not None:
         lines.append(
@@ -189,8 +191,8 @@ def _verdict_lines(dataset: Dataset, detection: FoundImpacts | None) -> list[str
 
 def _no_verdict(impacts: int, trials: int) -> str:
     return (
-        f"critique    restitution and friction only, no verdict: {impacts} usable impacts in {trials} trials; "
-        f"{MIN_IMPACTS} in {MIN_TRIALS} are needed"
+        f"critique    restitution and friction only, no verdict: {plural(impacts, 'usable impact')} in "
+        f"{plural(trials, 'trial')}; {MIN_IMPACTS} in {MIN_TRIALS} are needed"
     )
 
 
@@ -202,12 +204,13 @@ def _hit_lines(hits: dict) -> list[str]:
     kinds = _counts(hits["by_contact"])
     n = sum(hits["by_contact"].values()) or hits["used"]
     episodes = f", as {hits['used']} single hits and episodes" if n != hits["used"] else ""
-    lines.append(f"hits        {n} can be used in {hits['trials']} trials{f' ({kinds})' if kinds else ''}{episodes}")
+    lines.append(
+        f"hits        {n} can be used in {plural(hits['trials'], 'trial')}{f' ({kinds})' if kinds else ''}{episodes}"
+    )
     lines += [f"  left out  {reason} {sum(of.values())} ({_counts(of)})" for reason, of in hits["left_out"].items()]
     if elsewhere := hits["elsewhere"]:
-        lines.append(
-            f"  elsewhere {len(elsewhere)} hits off the surface, by a hand or another body{_named(elsewhere, 'at')}"
-        )
+        off = f"{plural(len(elsewhere), 'hit')} off the surface"
+        lines.append(f"  elsewhere {off}, by a hand or another body{_named(elsewhere, 'at')}")
     return lines if are_enough(hits["used"], hits["trials"]) else [*lines, _no_verdict(hits["used"], hits["trials"])]
 
 
@@ -228,7 +231,7 @@ def _detection_lines(part: dict, stated: dict, given: bool) -> list[str]:
     )
     quick = "second_hit" in part["left_out"]
     lines = [
-        f"detection   {part['used']} impacts of the trajectories can be used"
+        f"detection   {plural(part['used'], 'impact')} of the trajectories can be used"
         + (" (impacts.csv is used instead)" if given else ""),
         f"  left out  {left_out}"
         + ("; a critique also uses hits in quick succession, as episodes" if quick and not given else ""),

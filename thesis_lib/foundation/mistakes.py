@@ -93,6 +93,11 @@ def found(value: object) -> str:
     return text if len(text) <= LONGEST else text[: LONGEST - 3] + "..."
 
 
+def message(mistake: Mapping[str, Any]) -> str:
+    """The plain message of an entry of `ValidationError.errors()`."""
+    return str(mistake["msg"]).removeprefix("Value error, ")
+
+
 def wrong_value(mistake: Mapping[str, Any]) -> str:
     """Message on a wrong value, from an entry of `ValidationError.errors()`."""
     context = mistake.get("ctx", {})
@@ -113,7 +118,7 @@ def wrong_value(mistake: Mapping[str, Any]) -> str:
     if must_be:
         return f"is {found(mistake.get('input'))}, but must be {must_be}"
     # YAML has no tuples
-    text = str(mistake["msg"]).removeprefix("Value error, ").replace("Tuple", "List").replace("tuple", "list")
+    text = message(mistake).replace("Tuple", "List").replace("tuple", "list")
     shown = mistake.get("input")
     return text if isinstance(shown, dict | list) else f"is {found(shown)}: {text}"
 

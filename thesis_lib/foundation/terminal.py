@@ -12,9 +12,12 @@ LAYOUT = "\n\t"
 def visible(text: str) -> str:
     """The text with all unprintable characters except line breaks and tabs escaped as in Python.
 
+    No-break spaces, as between a number and its unit, become spaces.
+
     >>> visible("a\\x1b[31mb")
     'a\\\\x1b[31mb'
     """
+    text = text.replace("\N{NO-BREAK SPACE}", " ")  # unprintable for Python
     if text.isprintable():
         return text
     return "".join(c if c.isprintable() or c in LAYOUT else ascii(c)[1:-1] for c in text)

@@ -90,6 +90,11 @@ def listed(names: Sequence[str], last: str = "and") -> str:
     return f"{', '.join(first)} {last} {end}" if first else end
 
 
+def plural(n: int, name: str) -> str:
+    """Text of n things with a regular plural: 1 trial, 12 trials."""
+    return f"{n} {name}{'' if n == 1 else 's'}"
+
+
 def times(ratio: float) -> str:
     """Text of a ratio: 0.30 times, 1.04 times, 41 times."""
     return f"{number(ratio, digits=3 if 1.0 <= ratio < 10.0 else 2)} times"

@@ -89,7 +89,7 @@ def assert_right(header: SpaceHeader, found: TrackedFrame) -> None:
     assert np.linalg.norm(found.gravity / 9.81 - down) < 4.0 * found.gravity_angle
     ((point, normal),) = header.planes
     assert abs((found.point - point) @ normal) < 1e-3 and np.linalg.norm(found.normal - normal) < 5e-3
-    assert found.open == ()
+    assert found.open == () and found.doubt == ""
 
 
 @pytest.mark.parametrize("seed", [0, pytest.param(1, marks=pytest.mark.slow)])
@@ -97,6 +97,16 @@ def assert_right(header: SpaceHeader, found: TrackedFrame) -> None:
 def test_hits_and_flights_give_the_pose_within_its_uncertainty(shape, seed):
     header = rig(shape, seed)
     assert_right(header, found_in(header, tossed(header, 40, seed)))
+
+
+@pytest.mark.parametrize("factor", [0.5, pytest.param(2.0, marks=pytest.mark.slow)])
+def test_a_shape_of_the_wrong_size_is_doubted(factor):
+    header = rig("box 5:4:3", 5)
+    table = at_rest(header, tossed(header, 9, 5), np.tile(np.eye(3), (3, 1)), 5)
+    content = header.model_dump(mode="json", by_alias=True, exclude_none=True) | {"tracked": "unknown"}
+    content["body"]["shape"]["half_extents"] = [factor * half for half in (0.05, 0.04, 0.03)]
+    found = found_in(SpaceHeader.model_validate(content), table)
+    assert "the lowest point of the shape is off the surface, by" in found.doubt
 
 
 @pytest.mark.slow

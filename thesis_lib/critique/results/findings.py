@@ -32,7 +32,7 @@ from thesis_lib.datasets.space.flights import too_slow
 from thesis_lib.effects import effects_in
 from thesis_lib.effects.effect import Rig
 from thesis_lib.foundation.files import six_digits
-from thesis_lib.statistics.wording import bounded
+from thesis_lib.statistics.wording import bounded, plural
 
 PLACES = 4  # decimals of a coefficient
 ERRORS = ("base", "augmented", "irb_bound", "irb_bound_augmented", "noise_floor", "noise_floor_single", "no_impact")
@@ -96,7 +96,10 @@ def _recording(few: FewImpacts) -> list[str]:
     facts, said = motion_facts(source.trajectories, source.in_space), []
     if facts.fall is not None:
         size = with_error(float(np.linalg.norm(facts.fall)), facts.fall_error)
-        said.append(f"{facts.flights} free flights fall by {size} m/s², and {source.gravity:.4g} is stated as gravity.")
+        said.append(
+            f"{plural(facts.flights, 'free flight')} fall{'s' * (facts.flights == 1)} by {size} m/s², and "
+            f"{source.gravity:.4g} is stated as gravity."
+        )
     if told := tracked_frame_told(source, compare=True):
         said.append(f"{told[0].upper()}{told[1:]}.")
     return said

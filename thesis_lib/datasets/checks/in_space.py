@@ -21,10 +21,11 @@ from thesis_lib.datasets.format.header import SpaceHeader
 from thesis_lib.datasets.format.samples import Samples, noise_from_differences
 from thesis_lib.datasets.format.table_forms import POSITION, QUATERNION, V_POST_IN_SPACE, V_PRE_IN_SPACE
 from thesis_lib.datasets.format.validate import UsableRows, ValidationReport
-from thesis_lib.datasets.space.falling_body import better_reading, falling, reading_that_falls
+from thesis_lib.datasets.space.falling_body import SCALES, better_reading, falling, reading_that_falls, too_few_fall
 from thesis_lib.datasets.space.flights import Track, find_flights, follow, inner_samples
 from thesis_lib.datasets.space.motion import Motion, conjugate
 from thesis_lib.statistics.spread import robust_mean
+from thesis_lib.statistics.wording import plural
 
 FEWEST = 20  # samples needed to judge a motion
 PAUSE = 10.0  # s between trials on one clock
@@ -197,11 +198,13 @@ def check_motion(table: UsableRows, header: SpaceHeader) -> None:
         return table.error(f"column {POSITION[found[0]]}", found[1], ONE_UNIT)
     g, facts = np.array(header.gravity), motion_facts(table.data, header)
     down = np.full(3, np.nan) if facts.fall is None else facts.fall / np.linalg.norm(facts.fall)
+    if g.any() and too_few_fall(facts.flights, len(np.unique(trial))) and _wrong_length(table, header):
+        return None
     if g.any() and not facts.flights:
         _nothing_falls(table, header)
     elif g.any() and (off := np.arccos(np.clip(down @ g / np.linalg.norm(g), -1.0, 1.0))) > OBLIQUE:
         shown = ", ".join(f"{value:.3f}" for value in down * np.linalg.norm(g))
-        what = f"{facts.flights} free flights fall {np.degrees(off):.1f}° off the stated gravity"
+        what = f"{_fall(facts.flights)} {np.degrees(off):.1f}° off the stated gravity"
         table.report.warn(
             FILE, "gravity", what, f"if the axes of the recording are not level, write gravity: [{shown}]"
         )
@@ -248,11 +251,16 @@ def _check_fall(table: UsableRows, header: SpaceHeader, facts: MotionFacts, step
     if abs(size - stated) > max(SLOWER * stated, SURELY * facts.fall_error):
         clock = np.sqrt(stated / size)
         what = (
-            f"{facts.flights} free flights fall by {size:.3g} m/s², but gravity is stated as {stated:.3g}: perhaps the "
+            f"{_fall(facts.flights)} by {size:.3g} m/s², but gravity is stated as {stated:.3g}: perhaps the "
             f"frames were taken at {clock / step:.4g} Hz and not at the {1.0 / step:.4g} Hz of their times, or the "
             f"lengths are {abs(size / stated - 1.0):.1%} too {'large' if size > stated else 'small'}"
         )
         table.warn("columns t, x, y, z", what, "correct the times, the lengths, or gravity")
+
+
+def _fall(flights: int) -> str:
+    """Text: 12 free flights fall."""
+    return f"{plural(flights, 'free flight')} fall{'s' * (flights == 1)}"
 
 
 def _check_jumps(table: UsableRows, facts: MotionFacts) -> None:
@@ -274,21 +282,33 @@ def _check_jumps(table: UsableRows, facts: MotionFacts) -> None:
         table.warn(where, what, remedy, np.isin(np.arange(n), jumps.rows))
 
 
-def _nothing_falls(table: UsableRows, header: SpaceHeader) -> None:
+def _falling(table: UsableRows, header: SpaceHeader) -> tuple[str, np.ndarray, int] | None:
+    """Free flights along any direction, in any unit, as of `falling`."""
     turned = np.isfinite(table.data["qw"].to_numpy(float))
     path = centre_path(table.data[turned if turned.any() else ~turned], header)
     size = float(np.linalg.norm(header.gravity))
-    if len(path[0]) < FEWEST:
-        return None
-    found = falling(*path, size)
+    return falling(*path, size) if len(path[0]) >= FEWEST else None
+
+
+def _wrong_length(table: UsableRows, header: SpaceHeader) -> bool:
+    """Report lengths in another unit; return whether they are."""
+    if (found := _falling(table, header)) is None or not found[0]:
+        return False
+    unit, _, number = found
+    faster = float(np.linalg.norm(header.gravity)) / SCALES[unit]
+    what = f"look like {unit}: with this unit {_fall(number)}; as written, by {faster:.3g} m/s²"
+    table.error("columns x, y, z", what, f"multiply them by {SCALES[unit]:g}, or correct --units of the init command")
+    return True
+
+
+def _nothing_falls(table: UsableRows, header: SpaceHeader) -> None:
+    size, found = float(np.linalg.norm(header.gravity)), _falling(table, header)
     if found is None:
         what = f"no free flight is seen: nowhere does the body accelerate by {size:.3g} m/s²"
         return table.warn("columns x, y, z", what, "check the units of length and time, and gravity")
-    unit, down, number = found
-    if unit:
-        return table.error("columns x, y, z", f"look like {unit}: with this unit {number} free flights fall", METRES)
+    _, down, number = found
     shown = ", ".join(f"{value:.3g}" for value in size * down + 0.0)
-    what = f"nothing falls along the stated gravity; {number} free flights fall along [{shown}]"
+    what = f"nothing falls along the stated gravity; {_fall(number)} along [{shown}]"
     # a tracked point off the centre of mass falls in another direction if tracked or the quaternions are wrong
     tracked, centre = header.tracked, header.body.centre
     sure = tracked is not None and np.linalg.norm(centre - np.array(tracked.position)) < CENTRAL

@@ -13,6 +13,7 @@ from thesis_lib.datasets.format.dataset import Dataset
 from thesis_lib.datasets.format.table_forms import QUATERNION
 from thesis_lib.datasets.space.tracked_frame import TrackedFrame, find_tracked_frame
 from thesis_lib.foundation.errors import UserError
+from thesis_lib.statistics.wording import plural
 
 ELSEWHERE = (0.1, 0.2)  # extents of the body, and rad, from which a stated frame contradicts the frame found
 SURE = 4.0  # the same in sigmas of the frame found
@@ -55,7 +56,7 @@ def tracked_frame_told(dataset: Dataset, compare: bool) -> str | None:
         found = _found(dataset)
     except UserError as error:
         return None if stated is not None else f"the tracked frame is unknown, and was not found: {error}"
-    left = "".join(f"; open: {sentence}" for sentence in found.open)
+    left = "".join(f"; open: {sentence}" for sentence in found.open) + (f"; {found.doubt}" if found.doubt else "")
     if stated is None:
         return found.text + left
     one, other = (Rotation.from_quat(pose.attitude, scalar_first=True).as_matrix() for pose in (stated, found.tracked))
@@ -69,7 +70,7 @@ def tracked_frame_told(dataset: Dataset, compare: bool) -> str | None:
             f"{found.text}. That is {1e3 * place:.3g} mm and {np.degrees(turn):.3g}° from the pose in dataset.yaml: "
             "correct tracked, or write tracked: unknown"
         )
-    return f"tracked frame as stated, according to {found.hits} hits and {found.rests} rests{left}"
+    return f"tracked frame as stated, according to {plural(found.hits, 'hit')} and {plural(found.rests, 'rest')}{left}"
 
 
 def _found(dataset: Dataset) -> TrackedFrame:

@@ -3,7 +3,7 @@
 `Conversion.notes` lists everything that was changed or left out, `Conversion.warnings` possible faults of a log.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -15,18 +15,22 @@ from thesis_lib.datasets.format.dataset import TRAJECTORY_COLUMNS, Dataset, medi
 from thesis_lib.datasets.format.header import Header, SpaceHeader
 from thesis_lib.datasets.format.header_file import Model
 from thesis_lib.datasets.format.validate import first_of
+from thesis_lib.datasets.sources.other_units import other_units
 from thesis_lib.datasets.sources.tables.rig_options import RigOptions, needs_no_angle
 from thesis_lib.datasets.space.drops import SPATIAL, Cuts, Drop
-from thesis_lib.datasets.space.falling_body import falling
+from thesis_lib.datasets.space.falling_body import falling, too_few_fall
 from thesis_lib.datasets.space.flights import too_slow
 from thesis_lib.datasets.space.motion import Motion
 from thesis_lib.datasets.space.tracked_frame import TrackedFrame
 from thesis_lib.foundation.errors import UserError
+from thesis_lib.foundation.mistakes import message
+from thesis_lib.statistics.wording import plural
 
 MOST_OUT = 0.05  # trials with a larger share of their energy out of the plane are left out
 PART = 100  # samples within which arrival times drift by less than they jitter
 FRAMES, SMOOTHED = 5, 0.7  # a parabola through so many frames of a flight shows at least this share of gravity
 STRAIGHT = 0.99  # a direction with a larger component along an axis is taken as that axis
+NEAR_UP = 0.9  # cosine of the angle between the fall and the downward axis, from which on the upward axis is right
 _OPTIONS = {"size": "homogeneous", "body": "shape"}  # keys of dataset.yaml whose option has another name
 
 
@@ -46,6 +50,7 @@ class View:
     left_handed: bool = False
     up_is_given: bool = True  # otherwise `up` is the usual axis of the file format
     tracked: bool = True  # estimate the tracked frame of a shape in space; otherwise it is the frame of the shape
+    units: Mapping[str, str] | None = None  # those of --units by quantity; None if the file states its units
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,20 +71,35 @@ class Recorded:
     def no_flight(self) -> str:
         """Advice for a recording without a free flight in the expected direction."""
         motion, gravity = self.motion, self.rig.g
+        if text := self._wrong_units():
+            return text
         if slow := too_slow(1.0 / long_period(motion.t, self.piece)):
             return f"no free flight is found along the upward axis. {slow} Record at 100 Hz or more.{self._smoothed()}"
-        if found := falling(motion.t, motion.position, gravity):
-            unit, down, number = found
-            axis = int(np.abs(down).argmax())
-            direction = ",".join(f"{value:.3f}" for value in -down + 0.0)
-            if abs(down[axis]) > STRAIGHT:
-                direction = ("-" if down[axis] > 0.0 else "") + "xyz"[axis]
-            options = f"--up {direction}" + (f" and --units {unit}" if unit else "")
-            return f"nothing falls along the axis given as up; there are {number} free flights with {options}."
+        if found := falling(motion.t, motion.position, gravity, {"": 1.0}):
+            _, down, number = found
+            there = f"there {'is' if number == 1 else 'are'} {plural(number, 'free flight')}"
+            return f"nothing falls along the axis given as up; {there} with --up {_axis(-down)}."
         return (
             f"it contains no free flight: the body never accelerates by {gravity:g} m/s² along an axis. Check "
             "the units of length and time; for an inclined plane give --plane, and --gravity if that differs."
         )
+
+    def require(self, flights: Sequence[slice]) -> None:
+        """UserError if the recording has no free flight, or far more of them in other units."""
+        if not flights:
+            raise UserError(self.no_flight())
+        if too_few_fall(len(flights), len(np.unique(self.piece))) and (text := self._wrong_units()):
+            raise UserError(text)
+
+    def _wrong_units(self) -> str:
+        """Advice if bodies fall only with other units of length or time; "" if not."""
+        found = other_units(self.motion, self.piece, self.rig.g, self.view.units)
+        if found is None:
+            return ""
+        looks, options, down = found
+        if down is not None and -down @ self.view.up < NEAR_UP:
+            options.append(f"--up {_axis(-down)}")
+        return f"{looks}. Give {' and '.join(options)}." if options else f"{looks}."
 
     def _smoothed(self) -> str:
         """Sentence for recordings in which no body falls freely over `FRAMES` frames; "" for all others."""
@@ -115,6 +135,14 @@ class Recorded:
             f"none of {len(drops)} drops reaches the surface: their falls end {low:.3f} m above it (median). Is the "
             f"surface at {surface:.3f} m (--surface-height)? Are the shape and --frame right?"
         )
+
+
+def _axis(direction: np.ndarray) -> str:
+    """A direction (3,) as the value of --up: an axis if it is one."""
+    axis = int(np.abs(direction).argmax())
+    if abs(direction[axis]) > STRAIGHT:
+        return ("-" if direction[axis] < 0.0 else "") + "xyz"[axis]
+    return ",".join(f"{value:.3f}" for value in direction + 0.0)
 
 
 def long_period(t: np.ndarray, piece: np.ndarray) -> float:
@@ -221,6 +249,8 @@ def _validated(model: type[Model], content: dict) -> Model:
         return model.model_validate(content)
     except ValidationError as error:
         mistake = error.errors()[0]
-        key = str(mistake["loc"][-1])
+        key, what = str(mistake["loc"][-1]), message(mistake)
         value = "" if isinstance(mistake["input"], dict) else f"{mistake['input']}: "
-        raise UserError(f"--{_OPTIONS.get(key, key.replace('_', '-'))}: {value}{mistake['msg']}.") from error
+        option = f"--{_OPTIONS.get(key, key.replace('_', '-'))}"
+        where = "the surface (--surface-height)" if key == "surface" else option
+        raise UserError(f"{where}: {value}{what}{'' if what.endswith('?') else '.'}") from error

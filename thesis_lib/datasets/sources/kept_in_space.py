@@ -17,6 +17,7 @@ from thesis_lib.datasets.space.tracked_frame import TrackedFrame, find_tracked_f
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.mechanics.space import SPACE, rotation_matrix
 from thesis_lib.mechanics.state import State
+from thesis_lib.statistics.wording import plural
 
 LEVEL = 2e-3  # rad between the upward axis and the fall, up to which they count as parallel
 OFTEN = 0.25  # of the trials: fewer flights do not determine the upward direction
@@ -53,9 +54,10 @@ def keep_in_space(recorded: Recorded) -> Conversion:
         up = -falls
         flights = find_flights(track, size * falls)
         shown = ", ".join(f"{value:.3f}" for value in up + 0.0)
-        notes.append(f"up is ({shown}) in the axes of the recording, opposite the fall in {len(flights)} free flights")
-    if not flights:
-        raise UserError(recorded.no_flight())
+        notes.append(
+            f"up is ({shown}) in the axes of the recording, opposite the fall in {plural(len(flights), 'free flight')}"
+        )
+    recorded.require(flights)
     dataset = solid_dataset(recorded, up, found)
     header = dataset.in_space
     assert header.tracked is not None
@@ -90,7 +92,8 @@ def keep_in_space(recorded: Recorded) -> Conversion:
     pose = np.concatenate([whole.position, whole.quaternion[:, [3, 0, 1, 2]]], axis=1)[rows]
     columns = {"trial": np.repeat([drop.trial for drop in used], count), "t": whole.t[rows] - start}
     poses = pd.DataFrame(columns | dict(zip(POSE_IN_SPACE, pose.T)))
-    return Conversion(replace(dataset, trajectories=poses, has_angle=motion.oriented), notes)
+    warnings = [found.doubt] if found is not None and found.doubt else []
+    return Conversion(replace(dataset, trajectories=poses, has_angle=motion.oriented), notes, warnings)
 
 
 def _rows(drop: Drop, turned: np.ndarray, piece: np.ndarray, cut: bool) -> np.ndarray:

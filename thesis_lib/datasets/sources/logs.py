@@ -1,11 +1,14 @@
 """Conversion of any log of a rig into a dataset: the form of its files, their reader, and the use of the options."""
 
+import re
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
+from thesis_lib.bodies.mesh import Mesh
+from thesis_lib.datasets.checks.known_body import LARGEST_BODY
 from thesis_lib.datasets.format.samples import Samples
 from thesis_lib.datasets.samples.stamps import times_of_pictures
 from thesis_lib.datasets.sources.conversion import PART, Conversion, Recorded, View, long_period
@@ -15,7 +18,7 @@ from thesis_lib.datasets.sources.motion_capture.export_cells import SEQUENCES
 from thesis_lib.datasets.sources.projected import project
 from thesis_lib.datasets.sources.rig_log import FLAT, convert_logs, read_planar_motions
 from thesis_lib.datasets.sources.tables.log_table import read_log
-from thesis_lib.datasets.sources.tables.options import Reading, parse_direction, parse_numbers
+from thesis_lib.datasets.sources.tables.options import PARTS, SPATIAL, Reading, parse_direction, parse_numbers
 from thesis_lib.datasets.sources.tables.pose import ORDERS, read_quaternion_tables
 from thesis_lib.datasets.sources.tables.rig_options import RigOptions, needs_no_angle
 from thesis_lib.datasets.space.motion import Motion, handed, join, refuse_equal_times
@@ -117,7 +120,7 @@ def _holds_points(path: Path, options: Reading) -> bool:
     UserError if it has the columns of a quaternion, which --quaternion must declare.
     """
     if "z" in options.columns or "theta" in options.columns:
-        return not {"theta", "q1", "q2", "q3", "q4"} & set(options.columns)
+        return not {"theta", *SPATIAL[1:], *PARTS} & set(options.columns)
     places = {name for name, _ in options.source("x", "y", "z").values()}
     log = read_log(path, options, places, [])
     if log.has("theta") or len(places) < 3 or not all(map(log.has, places)):
@@ -131,7 +134,13 @@ def _holds_points(path: Path, options: Reading) -> bool:
 
 
 def _check_options(path: Path, form: str, in_space: bool, rig: RigOptions, reading: Reading) -> None:
-    """UserError for an option that does not apply to this form of log."""
+    """UserError for an option that does not apply to this form of log, or a shape that no rig can hold."""
+    if not isinstance(rig.shape, Mesh) and rig.shape.extent > LARGEST_BODY:
+        raise UserError(
+            f"--shape: the {rig.shape.kind} reaches {rig.shape.extent:.3g} m from its centre: millimetres? --shape of "
+            "the init command is in m, whatever the --units of the log: edges and heights in full length, radii and "
+            "semi-axes."
+        )
     given = {"wall"} if rig.walls else set()
     given |= {name for name in (*ONLY_TABLES, *ONLY_SPACE) if getattr(reading, name)}
     if form != TABLE and (
@@ -155,7 +164,11 @@ def _check_options(path: Path, form: str, in_space: bool, rig: RigOptions, readi
 def _check_solid(path: Path, in_space: bool, rig: RigOptions, reading: Reading) -> None:
     """UserError for options that do not apply to a shape in space."""
     if not in_space:
-        raise UserError(f"--shape: a {rig.shape.kind} is a body in space, but {path} is a planar table.")
+        raise UserError(
+            f"--shape: a {rig.shape.kind} is a body in space, but {path} is read as a planar table. If it has "
+            "quaternions, give --quaternion xyzw or wxyz, and name its columns with --columns "
+            "x=…,y=…,z=…,qx=…,qy=…,qz=…,qw=… where they differ."
+        )
     given = {"plane": reading.plane, "frame": reading.frame, "k-g": rig.k_g}
     if useless := [name for name, value in given.items() if value is not None]:
         raise UserError(
@@ -174,6 +187,7 @@ def _view(form: str, reading: Reading, frame: tuple[float, float, float], named:
         left_handed=reading.left_handed,
         up_is_given=reading.up is not None,
         tracked=reading.tracked is None,
+        units=reading.si.given if form in (TABLE, TENSORS) else None,
     )
 
 
@@ -208,6 +222,7 @@ def convert_motions(
         notes.append(
             f"{unturned} of {samples} samples have a position but no orientation: they are kept as rows without one"
         )
+    piece = piece if view.cut else _as_named(motion, piece, notes)
     motion, piece = _at_exposure(motion, piece, rig.rate, notes)
     if (motion.t[1:] == motion.t[:-1]).any():
         refuse_equal_times(motions, rig.in_space)
@@ -217,6 +232,18 @@ def convert_motions(
     except UserError as error:
         text = str(error)
         raise error if str(files[0]) in text or text.startswith("--") else UserError(f"{files[0]}: {text}") from None
+
+
+def _as_named(motion: Motion, piece: np.ndarray, notes: list[str]) -> np.ndarray:
+    """The pieces with the numbers of the trials in the recording, if it has different ones; adds to `notes` if not."""
+    if motion.trial is None:
+        return piece
+    names = motion.trial[np.flatnonzero(np.diff(piece, prepend=-1))].tolist()
+    numbers = [int(name.partition(".")[0]) for name in names if re.fullmatch(r"\d{1,15}(\.0*)?", name)]
+    if len(set(numbers)) == len(names):
+        return np.array(numbers)[piece]
+    notes.append(f"trials numbered in order of appearance: 0 = {names[0]}, …, {len(names) - 1} = {names[-1]}")
+    return piece
 
 
 def _at_exposure(motion: Motion, piece: np.ndarray, rate: float | None, notes: list[str]) -> tuple[Motion, np.ndarray]:

@@ -29,8 +29,7 @@ def project(recorded: Recorded) -> Conversion:
     falls = -size * (view.up if given is None else np.cos(given.tilt) * given.y)
     track = follow(motion.t, motion.position, size)
     flights = find_flights(track, falls)
-    if not flights:
-        raise UserError(recorded.no_flight())
+    recorded.require(flights)
     scene = Scene(track, flights, rig.shape, rig.radius, view.up, given, view.frame[2])
     check_reading(motion, scene)
     omega = smoothed_turning(turning(motion.quaternion), motion.t, track.half)

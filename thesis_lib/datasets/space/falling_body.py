@@ -26,7 +26,7 @@ fixed axis of rotation, flights cannot reveal this.
 Source of the search: Fischler and Bolles, Commun. ACM 24 (1981), doi:10.1145/358669.358692.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -45,7 +45,10 @@ FALLS = 0.03  # typical misfit over g below which the stated reading is accepted
 FEWEST = 20  # windows by which readings are compared
 ROUNDS = 3  # times that flights are found again with the centre of mass from the last fit
 ODD = 3.0  # median misfits of a flight, from which on it is left out
-SCALES = {"": 1.0, "mm": 1e-3, "cm": 1e-2}  # units that the lengths may really have
+# units that lengths in m may really have, and the factors to m
+SCALES = {"": 1.0, "mm": 1e-3, "cm": 1e-2, "inches": 0.0254, "millimetres read as centimetres": 0.1}
+MANY = 5.0  # times as many flights in another unit, from which on it is preferred
+FEW_FLIGHTS, RARELY = 5, 0.25  # flights in all, and for each trial: with more, the units are right
 SLOW = 1.0  # rad/s, rms: slower rotation decides nothing
 UNSTEADY = 0.005  # u of a free body is far below, from noise alone; a box of 5 : 4 : 3 read wrongly has 0.01 and more
 STEADIER = 0.1  # u of another reading over that of the stated one, below which the other is preferred
@@ -183,12 +186,16 @@ def _fitted(t: np.ndarray, position: np.ndarray, R: np.ndarray, flights: list[sl
     return x[:3], x[3:], noise**2 * np.linalg.inv(M.T @ M + weak), [flights[i] for i in kept]
 
 
-def falling(t: np.ndarray, position: np.ndarray, gravity: float) -> tuple[str, np.ndarray, int] | None:
+def falling(
+    t: np.ndarray, position: np.ndarray, gravity: float, scales: Mapping[str, float] = SCALES
+) -> tuple[str, np.ndarray, int] | None:
     """Unit of length, direction (3,) and number of the flights that accelerate by `gravity` (m/s²) in any direction.
 
-    Positions (n, 3) at increasing times t (n,) in s; None if there is no such flight.
+    Positions (n, 3) at increasing times t (n,) in s; None if there is no such flight.  `scales`: factors by which the
+    positions may have to be multiplied, by unit; the unit "" stands for the positions as they are, which are preferred.
     """
-    for unit, scale in SCALES.items():
+    found: dict[str, tuple[str, np.ndarray, int]] = {}
+    for unit, scale in scales.items():
         track = follow(t, scale * position, gravity)
         size = np.linalg.norm(track.a, axis=1)
         with np.errstate(invalid="ignore"):
@@ -198,8 +205,14 @@ def falling(t: np.ndarray, position: np.ndarray, gravity: float) -> tuple[str, n
         middle = np.median(track.a[free], axis=0)
         down = middle / max(float(np.linalg.norm(middle)), 1e-9)
         if number := len(find_flights(track, gravity * down)):
-            return unit, down, number
-    return None
+            found[unit] = unit, down, number
+    best = max(found.values(), key=lambda one: one[2], default=None)
+    return found[""] if best and "" in found and best[2] < MANY * found[""][2] else best
+
+
+def too_few_fall(flights: int, trials: int) -> bool:
+    """Whether so few flights in so many trials may be chance, as where a unit of length is wrong."""
+    return flights <= max(FEW_FLIGHTS, RARELY * trials)
 
 
 def unsteadiness(motion: Motion, track: Track, flights: Sequence[slice], G: np.ndarray) -> float:

@@ -149,8 +149,8 @@ def join(motions: Sequence[Motion], placed: bool = False) -> tuple[Motion, np.nd
     """The seen samples of several recordings in sequence, as one motion, and the number (n,) of each sample's piece.
 
     `placed`: include samples with a position but no orientation, which is then NaN.
-    A piece is a trial of a recording that names trials, else a whole recording.  UserError if time falls within a
-    piece, or if no sample is complete.
+    A piece is a trial of a recording that names trials, else a whole recording; the motion keeps these names.
+    UserError if time falls within a piece, or if no sample is complete.
     """
     pieces = _pieces(motions, placed)
     if len({piece.oriented for piece in pieces}) > 1:
@@ -175,7 +175,9 @@ def join(motions: Sequence[Motion], placed: bool = False) -> tuple[Motion, np.nd
     position = np.concatenate([piece.position for piece in pieces])
     quaternion = np.concatenate([piece.quaternion for piece in pieces])
     arrays = {"t": np.concatenate(times), "position": position, "quaternion": quaternion}
-    return replace(first, **arrays, trial=None, row=None, readings=readings), number
+    if all(piece.trial is not None for piece in pieces):
+        arrays["trial"] = np.concatenate([piece.trial for piece in pieces])
+    return replace(first, **{"trial": None, "row": None, **arrays}, readings=readings), number
 
 
 def refuse_equal_times(motions: Sequence[Motion], placed: bool) -> None:

@@ -30,6 +30,7 @@ from thesis_lib.datasets.space.falling_body import FallingBody, falling_body
 from thesis_lib.datasets.space.touches import Touches, touches
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.mechanics.frame import Frame
+from thesis_lib.statistics.wording import plural
 
 TURNS, BEGIN, APART = 6000, 10, 0.35  # rotations that are tried, the best of them (rad apart) that are fitted
 COARSE = (0.15, 0.3)  # of the extent, and rad: scale of misfits in the search
@@ -42,6 +43,8 @@ SLOPE, SINKING, CENTRE = 0.1, 2e-3, 0.02  # one sigma of tilt (rad), τ (s), and
 ODD = 3.0  # sigmas, beyond which a touch is ascribed to another object
 MISFIT = 0.06  # of the extent, by which most touches may be off the table
 OPEN = (0.1, 0.15)  # rad, and of the extent: larger uncertainties are reported as open
+FAR = 0.05  # extents by which a touch is clearly off the table
+OFTEN, SEVERAL = 0.1, 3  # share and number of such touches, from which on the shape is doubted
 CHANCE = 20.0  # in χ², by which another rotation must fit worse
 
 
@@ -55,6 +58,7 @@ class TrackedFrame:
         gravity: (3,) in m/s², of the believed magnitude.
         gravity_angle: one sigma of its direction, rad.
         path: (n, 3) in m of the centre of mass.
+        doubt: sentence on a shape that does not fit many touches, "" if it does.
     """
 
     tracked: Tracked
@@ -66,18 +70,19 @@ class TrackedFrame:
     hits: int
     rests: int
     open: tuple[str, ...]
+    doubt: str = ""
 
     @property
     def text(self) -> str:
         """The pose in one sentence."""
-        error = self.tracked.uncertainty
+        error, touches = self.tracked.uncertainty, f"{plural(self.hits, 'hit')} and {plural(self.rests, 'rest')}"
         if error is None:
-            return f"surface found from {self.hits} hits and {self.rests} rests"
+            return f"surface found from {touches}"
         assert error.position and error.rotation
         place = ", ".join(f"{1e3 * value:.1f}" for value in self.tracked.position)
         angle = np.degrees(Rotation.from_quat(self.tracked.attitude, scalar_first=True).magnitude())
         return (
-            f"tracked frame found from {self.hits} hits and {self.rests} rests: at ({place}) mm in the shape, within "
+            f"tracked frame found from {touches}: at ({place}) mm in the shape, within "
             f"{1e3 * error.position:.2g} mm, turned by {angle:.1f}° within {np.degrees(error.rotation):.2g}°"
         )
 
@@ -266,4 +271,18 @@ class _Fit:
             falls.gravity
         )
         hits, rests = (int((self.used & which).sum()) for which in (~self.met.rests, self.met.rests))
-        return TrackedFrame(tracked, point, n, gravity * g, float(angle), falls.path, hits, rests, tuple(told))
+        return TrackedFrame(
+            tracked, point, n, gravity * g, float(angle), falls.path, hits, rests, tuple(told), self.doubt(R, x)
+        )
+
+    def doubt(self, R: np.ndarray, x: np.ndarray) -> str:
+        """Sentence on a shape whose lowest point is often clearly off the table, "" if it is not."""
+        off = np.abs(self.gaps(R, x))
+        far = off[off > FAR * self.solid.extent]
+        if len(far) < max(SEVERAL, OFTEN * len(off)):
+            return ""
+        return (
+            f"at {len(far)} of {len(off)} hits and rests the lowest point of the shape is off the surface, by "
+            f"{1e3 * np.median(far):.2g} mm (median): check the size of the shape (in m; edges and heights in full "
+            "length, radii and semi-axes), unless the body touches other objects"
+        )

@@ -88,7 +88,7 @@ class Log:
                 "of --columns, and the pose follows from the points (--body POINT,POINT,… if some are not on the body)."
             )
         in_space = any(name == "z" or name.lower().startswith("q") for name in needed)
-        ours = "z=…,q1=…,q2=…,q3=…,q4=…" if in_space else "theta=…"
+        ours = "z=…,qx=…,qy=…,qz=…,qw=…" if in_space else "theta=…"
         text += f"Name yours with --columns trial=…,t=…,x=…,y=…,{ours}"
         raise UserError(text + ("" if len(columns) > 1 else ", and check --delimiter") + ".")
 

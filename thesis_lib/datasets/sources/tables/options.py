@@ -18,6 +18,7 @@ UNITS = {  # name -> (quantity, factor to SI); for pixels the factor follows fro
 SI = {"length": "m", "angle": "rad", "time": "s"}
 QUANTITY = {"t": "time", "x": "length", "y": "length", "z": "length", "theta": "angle"}
 SPATIAL = ("z", "q1", "q2", "q3", "q4")  # columns of tables with quaternions, in addition to those of planar tables
+PARTS = ("qx", "qy", "qz", "qw")  # other names of q1 to q4, in any order
 OTHER_NAMES = {  # of units, as other programs write them
     **{"meter": "m", "meters": "m", "metre": "m", "metres": "m", "pixel": "px", "pixels": "px"},
     **{"centimeters": "cm", "millimeters": "mm", "centimetres": "cm", "millimetres": "mm"},
@@ -197,11 +198,12 @@ def parse_columns(text: str) -> dict[str, tuple[str, float]]:
     columns: dict[str, tuple[str, float]] = {}
     for part in filter(None, (part.strip() for part in text.split(","))):
         name, equals, log_column = (piece.strip() for piece in part.partition("="))
-        if not equals or not log_column or name not in (*TRAJECTORY_COLUMNS, *SPATIAL) or name in columns:
+        if not equals or not log_column or name not in (*TRAJECTORY_COLUMNS, *SPATIAL, *PARTS) or name in columns:
             raise UserError(
                 f"--columns: '{part}' is not OURS=YOURS with OURS one of {', '.join(TRAJECTORY_COLUMNS)}, each once "
                 "(for example --columns t=time_s,x=X,y=-Z,theta=angle; a minus sign flips the axis). With "
-                f"--quaternion, {', '.join(SPATIAL)} take the place of theta."
+                f"--quaternion, {', '.join(SPATIAL)} (or "
+                f"z, {', '.join(PARTS)}) take the place of theta."
             )
         sign = -1.0 if log_column.startswith("-") and name not in ("trial", "t") else 1.0
         columns[name] = (log_column[1:] if sign < 0 else log_column, sign)

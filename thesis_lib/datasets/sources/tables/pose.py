@@ -8,8 +8,8 @@ A point z_j = u_j + i v_j of a rigid body is p + c_j exp(iθ), where c_j is its 
 summed over the visible points j (bars: their means; Horn 1987, doi:10.1364/JOSAA.4.000629, in the plane).  The c_j are
 means over the frames that show all points; their mean is the origin, and θ points from the first to the second.
 
-In space the four columns of the quaternion are q1, q2, q3, q4 in the order given by `--quaternion`; without --columns
-they must be named qx, qy, qz, qw and may stand in any order.  A ball has none.
+In space the four columns of the quaternion are q1, q2, q3, q4 in the order given by `--quaternion`, or qx, qy, qz, qw;
+without --columns they must be named qx, qy, qz, qw and may stand in any order.  A ball has none.
 """
 
 from collections.abc import Mapping, Sequence
@@ -23,7 +23,7 @@ import pandas as pd
 from thesis_lib.bodies.shapes import Disk
 from thesis_lib.datasets.format.dataset import TRAJECTORY_COLUMNS
 from thesis_lib.datasets.sources.tables.log_table import LIKELY, Log, read_logs
-from thesis_lib.datasets.sources.tables.options import QUANTITY, SPATIAL, Reading
+from thesis_lib.datasets.sources.tables.options import PARTS, QUANTITY, SPATIAL, Reading
 from thesis_lib.datasets.sources.tables.rig_options import RigOptions, needs_no_angle
 from thesis_lib.datasets.sources.tables.several_bodies import one_body
 from thesis_lib.datasets.space.motion import Motion, Readings, mirrored, unit
@@ -48,7 +48,7 @@ def read_poses(
     A file is one trial if `one_trial` is set or the trial column is missing.  UserError: a file or column is missing, a
     row is too long, a cell is not a number, units contradict each other, or a body other than a disk has no angle.
     """
-    if spatial := [column for column in options.columns if column in SPATIAL]:
+    if spatial := [column for column in options.columns if column in (*SPATIAL, *PARTS)]:
         raise UserError(f"--columns: {spatial[0]} belongs to a motion in space; give --quaternion for its rotation.")
     source = options.source(*TRAJECTORY_COLUMNS)
     logs = read_logs(files, options, [name for name, _ in source.values()], notes, warnings)
@@ -234,10 +234,15 @@ def read_quaternion_tables(
 def source_of(options: Reading) -> dict[str, tuple[str, float]]:
     """For each column of a motion in space, the column of the table and its sign; UserError if theta is given."""
     if "theta" in options.columns:
-        raise UserError("--columns: theta is the angle of a planar log; with --quaternion give q1, q2, q3 and q4.")
+        raise UserError("--columns: theta is the angle of a planar log; with --quaternion give qx, qy, qz and qw.")
     source = options.source("trial", "t", *AXES)
     for i, letter in enumerate(options.quaternion or ""):
-        source[f"q{i + 1}"] = options.columns.get(f"q{i + 1}", (f"q{letter}", 1.0))
+        ours = f"q{i + 1}", f"q{letter}"
+        if set(ours) <= set(options.columns):
+            raise UserError(
+                f"--columns: with --quaternion {options.quaternion}, {ours[0]} is {ours[1]}; give one of them."
+            )
+        source[ours[0]] = next((options.columns[name] for name in ours if name in options.columns), (ours[1], 1.0))
     return source
 
 

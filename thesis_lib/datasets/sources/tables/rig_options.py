@@ -12,6 +12,7 @@ from thesis_lib.bodies.shapes import Disk, Ellipse, Polygon, Shape
 from thesis_lib.bodies.solids import Box, Capsule, Cylinder, Ellipsoid, Solid, Sphere
 from thesis_lib.bodies.walls import Wall
 from thesis_lib.foundation.errors import UserError
+from thesis_lib.foundation.mistakes import message
 
 GRAVITY = 9.81  # m/s²
 
@@ -105,7 +106,7 @@ def parse_shape(text: str) -> Shape | Solid | Mesh:
         if kind == "polygon":
             return Polygon(vertices=tuple(points))  # pyright: ignore[reportArgumentType]
     except (ValueError, ValidationError) as error:
-        reason = error.errors()[0]["msg"] if isinstance(error, ValidationError) else str(error)
+        reason = message(error.errors()[0]) if isinstance(error, ValidationError) else str(error)
         raise UserError(f"--shape: '{text}' is not a shape ({reason}).") from error
     known = "ellipse:A,B (semi-axes), disk:R, square:SIDE, rect:WIDTH,HEIGHT, polygon:x1,y1;x2,y2;… or, in space, "
     known += "box:X,Y,Z, sphere:R, ellipsoid:A,B,C, cylinder:R,HEIGHT, capsule:R,HEIGHT, mesh:FILE,SCALE"
@@ -119,7 +120,7 @@ def parse_wall(text: str) -> Wall:
         x, y, nx, ny = (float(value) for value in rest.split(","))
         return Wall(name=name.strip(), point=(x, y), normal=(nx, ny))
     except (ValueError, ValidationError) as error:
-        reason = error.errors()[0]["msg"] if isinstance(error, ValidationError) else str(error)
+        reason = message(error.errors()[0]) if isinstance(error, ValidationError) else str(error)
         raise UserError(
             f"--wall: '{text}' is not NAME:X,Y,NX,NY, a lower-case name, a point of the wall in m, and its "
             f"normal towards the body ({reason}); for example east:0.6,0,-1,0."
