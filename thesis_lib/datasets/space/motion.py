@@ -175,9 +175,9 @@ def join(motions: Sequence[Motion], placed: bool = False) -> tuple[Motion, np.nd
     position = np.concatenate([piece.position for piece in pieces])
     quaternion = np.concatenate([piece.quaternion for piece in pieces])
     arrays = {"t": np.concatenate(times), "position": position, "quaternion": quaternion}
-    if all(piece.trial is not None for piece in pieces):
-        arrays["trial"] = np.concatenate([piece.trial for piece in pieces])
-    return replace(first, **{"trial": None, "row": None, **arrays}, readings=readings), number
+    names = [piece.trial for piece in pieces if piece.trial is not None]
+    trial = np.concatenate(names) if len(names) == len(pieces) else None
+    return replace(first, **arrays, trial=trial, row=None, readings=readings), number
 
 
 def refuse_equal_times(motions: Sequence[Motion], placed: bool) -> None:
