@@ -125,6 +125,7 @@ def test_the_table_counts_what_is_right_first_and_wrong(tmp_path):
         and "named | the cause switched on by hand |" in page
         and "no flight |" in page
     )
+    assert "Sets with a wrong effect: 3, of which `unexplained`: 1; beside a right one that is named first: 1." in page
     assert "1 of 2 (" in page and "10 of 80 datasets: 10 by `abc`" in page and "magnus + com_offset" in page
 
 

@@ -243,7 +243,17 @@ def as_markdown(proof: SpaceProof) -> str:
     head = ("world", "hidden", "shape", "verdict", "named", "the cause switched on by hand")
     wrong = f"\n\nNot right:\n\n{markdown(head, misses)}" if misses else ""
     made = f"{len(rows)} of {len(planned)} datasets: {codes}."
-    return f"{markdown(('', *names, 'all'), lines)}\n\n{_covered(rows)}{made}{wrong}"
+    return f"{markdown(('', *names, 'all'), lines)}\n\n{_covered(rows)}{_wrong(rows)}{made}{wrong}"
+
+
+def _wrong(rows: pd.DataFrame) -> str:
+    """Verdicts and first groups of the sets in which a wrong effect is named, as a sentence."""
+    of = rows[rows["wrong"].astype(bool)]
+    left, beside = (of["verdict"] == "unexplained").sum(), (of["first"] & (of["verdict"] == "effects")).sum()
+    sets = (
+        f"Sets with a wrong effect: {len(of)}, of which `unexplained`: {left}; beside a right one that is named first: "
+    )
+    return f"{sets}{beside}.  " if len(of) else ""
 
 
 def _covered(rows: pd.DataFrame) -> str:
