@@ -52,7 +52,7 @@ def test_what_is_no_toss_is_refused(tmp_path, capsys, monkeypatch):
     bad = tmp_path / "bad.pt"
     for held, said in (
         ({"pose": torch.zeros(3, 7)}, "it holds a dict, not a tensor"),
-        (torch.zeros(7), "holds a tensor (7,); expected rows"),
+        (torch.zeros(7), "holds a tensor of size (7,); expected rows"),
         (print, "bad.pt: "),
     ):
         torch.save(held, bad)
