@@ -152,7 +152,7 @@ def why_not(effect: Mapping, it: str = "it") -> str:
     """Reason why an effect that was switched on by hand is not among the effects found."""
     return {
         "chance": f"these data do not support {it}",
-        "immaterial": f"{it} can be detected, but no error falls by an amount that matters",
+        "immaterial": f"these data show {it}, but no error falls by an amount that matters",
         "spoils": f"with {it} another error rises by an amount that matters",
     }[effect.get("fails") or "chance"]
 
