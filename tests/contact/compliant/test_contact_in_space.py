@@ -6,6 +6,7 @@ import pytest
 from thesis_lib.bodies.shapes import Ellipse, Polygon
 from thesis_lib.bodies.solids import Box, Capsule, Cylinder, Ellipsoid, Hull, Sphere
 from thesis_lib.contact import mirtich
+from thesis_lib.contact.compliant import compiled_in_space
 from thesis_lib.contact.compliant.watched_slide import on_ellipse
 from thesis_lib.critique.contacts import pressing
 from thesis_lib.critique.contacts.bases import BASES
@@ -345,3 +346,22 @@ def test_a_contact_that_a_fit_cannot_integrate_stops_the_body(monkeypatch):
     np.testing.assert_allclose(after.v[:2], 0.0)
     np.testing.assert_allclose(after.pose[:, :2], states.pose[:, :2])
     np.testing.assert_array_equal(after.v[2:], whole.v[2:])
+
+
+def test_the_force_on_the_side_of_the_cone_is_the_minimum_in_the_cone():
+    rng, found = np.random.default_rng(0), 0
+    for _ in range(300):
+        L, c, mu = rng.normal(size=(3, 3)), rng.normal(size=4), rng.uniform(0.05, 1.0)
+        Q = np.diag([0.1, 0.1, 0.1, 1.0])
+        Q[:3, :3] += L @ L.T
+        f_1, f_2, f_n, _ = least = compiled_in_space._in_cone(Q, c, mu, 0.0, 0.0)
+        turn = rng.normal(scale=0.3)
+        start = np.cos(turn) * f_1 - np.sin(turn) * f_2, np.sin(turn) * f_1 + np.cos(turn) * f_2
+        *on_side, is_least = compiled_in_space._on_side(Q, c, mu, *start)
+        if is_least:
+            np.testing.assert_allclose(on_side, least[:3], rtol=1e-6, atol=1e-8)
+            assert np.hypot(*on_side[:2]) == pytest.approx(mu * on_side[2], rel=1e-12)
+        is_inside = np.hypot(f_1, f_2) < mu * f_n * (1.0 - 1e-6)
+        assert not (is_inside and is_least)
+        found += is_least
+    assert found > 100

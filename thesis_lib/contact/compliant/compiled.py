@@ -24,6 +24,7 @@ NODES, WEIGHTS = np.polynomial.legendre.leggauss(12)
 THIN = 1e-9  # depth over L of a contact that has just begun
 
 compiled = njit(cache=True, error_model="numpy")
+kernel = njit(cache=True, error_model="numpy", _nrt=False)  # allocates nothing, so it counts no references to arrays
 
 
 @compiled

@@ -26,15 +26,16 @@ detected: after changing forces there, also modify (touch) this file.
 
 import numpy as np
 
-from thesis_lib.contact.compliant.compiled import CONVEX, PYRAMID, SETTLED, SPEED, SWEEPS, _push, compiled
+from thesis_lib.contact.compliant.compiled import CONVEX, PYRAMID, SETTLED, SPEED, SWEEPS, _push, compiled, kernel
 
 CLOSE = 1e-9  # relative tolerance of friction at its limit
 MOST = 40  # steps to the limit; about 4 Newton steps are needed
 LEAST = 1e-9  # least μ, for a cone of non-zero size
+TURNS, TURNED, WIDE = 8, 1e-6, 0.5  # steps along the side of a cone: most of them, the last and the widest in rad
 ON_BALL = 1e-13  # relative tolerance of the length that `in_ball` limits
 
 
-@compiled
+@kernel
 def _limited(a, b, c, x, y, limit):
     """d with |d| ≤ limit and (A + λ) d = −(x, y) for the least possible λ ≥ 0; A = [[a, b], [b, c]]."""
     added = 0.0
@@ -53,7 +54,7 @@ def _limited(a, b, c, x, y, limit):
     return d_1, d_2
 
 
-@compiled
+@kernel
 def _friction(a, b, c, x, y, s_1, s_2, limit, sharing):
     """Friction impulse, at most `limit`, in a step that changes the slip from (x, y) to (s_1, s_2) without friction.
 
@@ -77,7 +78,7 @@ def _friction(a, b, c, x, y, s_1, s_2, limit, sharing):
     return _limited(0.5 * a, 0.5 * b, 0.5 * c, 0.5 * (s_1 + x), 0.5 * (s_2 + y), limit)
 
 
-@compiled
+@kernel
 def _inverted(a, b, c, d, e, f, x, y, z):
     """Solution of the symmetric system ((a, b, c), (b, d, e), (c, e, f)) · = (x, y, z)."""
     A, B, C = d * f - e * e, c * e - b * f, b * e - c * d
@@ -86,7 +87,7 @@ def _inverted(a, b, c, d, e, f, x, y, z):
     return (A * x + B * y + C * z) / det, (B * x + D * y + E * z) / det, (C * x + E * y + F * z) / det
 
 
-@compiled
+@kernel
 def in_ball(a, b, c, d, e, f, x, y, z, radius):
     """y with |y| ≤ radius and (B + λ) y = −(x, y, z) for the least possible λ ≥ 0; B is the matrix of `_inverted`."""
     added = 0.0
@@ -102,7 +103,7 @@ def in_ball(a, b, c, d, e, f, x, y, z, radius):
     return p, q, r
 
 
-@compiled
+@kernel
 def _twisted(A, x, y, turning, s_1, s_2, omega_n, mu, lever, push, sharing):
     """As `_friction`, with a couple about the normal; without it the step changes the spin from `turning` to `omega_n`.
 
@@ -118,7 +119,7 @@ def _twisted(A, x, y, turning, s_1, s_2, omega_n, mu, lever, push, sharing):
     return m * p, m * q, t * r
 
 
-@compiled
+@kernel
 def _in_cone(Q, c, mu, lever, start):
     """f (f_1, f_2, f_n, τ) that minimises ½ fᵀ Q f − fᵀ c in |(f_t / μ, τ / lever)| ≤ f_n; τ is 0 without a lever.
 
@@ -158,7 +159,47 @@ def _in_cone(Q, c, mu, lever, start):
     return m * p, m * q, f_n, t * r
 
 
-@compiled
+@kernel
+def _on_side(Q, c, mu, x, y):
+    """f (f_1, f_2, f_n) that minimises ½ fᵀ Q f − fᵀ c on the side |f_t| = μ f_n of the cone, and whether it is the
+    minimum in the cone.
+
+    Newton's steps turn the direction of f_t from (x, y).  With e = (μ x, μ y, 1), the best f along e has the value
+    −½ (cᵀe)²/(eᵀQe).  The minimum is that in the cone if a weaker friction would not lower it.
+    """
+    m, length = max(mu, LEAST), np.sqrt(x * x + y * y)
+    if length <= 0.0:
+        x, y = c[0], c[1]
+        length = np.sqrt(x * x + y * y)
+        if length <= 0.0:
+            return 0.0, 0.0, 0.0, False
+    x, y = x / length, y / length
+    for _ in range(TURNS):
+        f_1, f_2 = m * x, m * y
+        u, w = Q[0, 0] * f_1 + Q[0, 1] * f_2 + Q[0, 2], Q[0, 1] * f_1 + Q[1, 1] * f_2 + Q[1, 2]
+        own, by = f_1 * u + f_2 * w, f_1 * w - f_2 * u  # e and its derivative, each with Q e along the surface
+        square = own + Q[0, 2] * f_1 + Q[1, 2] * f_2 + Q[2, 2]
+        pull, aside, outward = c[0] * f_1 + c[1] * f_2 + c[2], c[1] * f_1 - c[0] * f_2, c[0] * f_1 + c[1] * f_2
+        bend = Q[0, 0] * f_2 * f_2 - 2.0 * Q[0, 1] * f_1 * f_2 + Q[1, 1] * f_1 * f_1 - own
+        slope, change = aside * square - pull * by, -outward * square + aside * by - pull * bend
+        if pull <= 0.0 or change >= 0.0:
+            break
+        turn = -slope / change
+        if abs(turn) > WIDE:
+            break
+        x, y = x - turn * y, y + turn * x
+        length = np.sqrt(x * x + y * y)
+        x, y = x / length, y / length
+        if abs(turn) <= TURNED:
+            f_1, f_2 = m * x, m * y
+            u, w = Q[0, 0] * f_1 + Q[0, 1] * f_2 + Q[0, 2], Q[0, 1] * f_1 + Q[1, 1] * f_2 + Q[1, 2]
+            square = f_1 * (u + Q[0, 2]) + f_2 * (w + Q[1, 2]) + Q[2, 2]
+            f_n = (c[0] * f_1 + c[1] * f_2 + c[2]) / square
+            return f_n * f_1, f_n * f_2, f_n, f_n > 0.0 and f_1 * (f_n * u - c[0]) + f_2 * (f_n * w - c[1]) <= 0.0
+    return 0.0, 0.0, 0.0, False
+
+
+@kernel
 def _on_edges(P, c, free, g, M, x):
     """Set g to the solution of P g = c where `free`, else 0; P (n, n) is positive definite, M and x are work arrays."""
     n, m = len(P), 0
@@ -189,7 +230,7 @@ def _on_edges(P, c, free, g, M, x):
             k += 1
 
 
-@compiled
+@kernel
 def _of_edges(Q, mu, lever, regular, P):
     """Set P (n, n) to the matrix in g of ½ fᵀ Q f + ½ `regular` Σ g_i², f = Σ g_i e_i; return the number n of edges."""
     n = 6 if lever > 0.0 else 4
@@ -203,7 +244,7 @@ def _of_edges(Q, mu, lever, regular, P):
     return n
 
 
-@compiled
+@kernel
 def _pyramid(P, c, mu, lever, free, g, d, M, x):
     """f (f_1, f_2, f_n, τ) = Σ g_i e_i with g ≥ 0 that minimises ½ gᵀ P g − fᵀ c, with P (n, n) of `_of_edges`.
 
@@ -238,14 +279,14 @@ def _pyramid(P, c, mu, lever, free, g, d, M, x):
     return mu * (g[0] - g[1]), mu * (g[2] - g[3]), f_n, twist
 
 
-@compiled
+@kernel
 def _edge(i, mu, lever):
     """Index and size of the component that edge i has besides the normal one."""
     a, x = (3, lever) if i > 3 else (i // 2, mu)
     return a, x if i % 2 == 0 else -x
 
 
-@compiled
+@kernel
 def _compliance(W, r, A):
     """Set the first rows of A (4, 4) to K = 1 − [r]ₓ W [r]ₓ, with W (3, 3) and r (3,); the last one to the effect of a
     couple about the normal: W n × r on the velocity of the point, W_nn on the spin."""
@@ -261,7 +302,7 @@ def _compliance(W, r, A):
     A[3, 3] = W[2, 2]
 
 
-@compiled
+@kernel
 def _convex(kind, h, rho, ratio, v, omega, a, alpha, W, rs, depths, mus, levers, Bs, Ks, forces, room):
     """Replace in `forces` (p, 4) the forces and normal couples per mass of convex contacts in the previous step by the
     new ones.
@@ -320,7 +361,12 @@ def _convex(kind, h, rho, ratio, v, omega, a, alpha, W, rs, depths, mus, levers,
                 f_1, f_2, f_n, twist = _sticking(Q, A, c, u, later, lever, M, d)
                 slip = (f_1 * f_1 + f_2 * f_2) / max(mu, LEAST) ** 2
                 if f_n < 0.0 or slip + (twist / lever if lever > 0.0 else 0.0) ** 2 > f_n * f_n:
-                    f_1, f_2, f_n, twist = _in_cone(Q, c, mu, lever, f[2])
+                    found = False
+                    if lever <= 0.0:
+                        x_1, x_2 = (f[0], f[1]) if f[0] * f[0] + f[1] * f[1] > 0.0 else (f_1, f_2)
+                        f_1, f_2, f_n, found = _on_side(Q, c, mu, x_1, x_2)
+                    if not found:
+                        f_1, f_2, f_n, twist = _in_cone(Q, c, mu, lever, f[2])
             d_1, d_2, d_n, d_t = f_1 - f[0], f_2 - f[1], f_n - f[2], twist - f[3]
             _accelerate(d_1, d_2, d_n, d_t, r, W, a, alpha)
             f[0], f[1], f[2], f[3] = f_1, f_2, f_n, twist
@@ -347,7 +393,7 @@ def _room(p):
     )
 
 
-@compiled
+@kernel
 def _sticking(Q, A, c, u, later, lever, M, d):
     """f (f_1, f_2, f_n, τ) with Q f = c, friction and couple evaluated `later` in the step; τ is 0 without a lever.
 
@@ -373,7 +419,7 @@ def _sticking(Q, A, c, u, later, lever, M, d):
     return f_1, f_2, f_n, twist / pivot
 
 
-@compiled
+@kernel
 def _accelerate(f_1, f_2, f_n, twist, r, W, a, alpha):
     """Add the effect of a force at r and of a couple about the normal to the accelerations a and alpha (3,)."""
     a[0], a[1], a[2] = a[0] + f_1, a[1] + f_2, a[2] + f_n
@@ -382,7 +428,7 @@ def _accelerate(f_1, f_2, f_n, twist, r, W, a, alpha):
         alpha[i] += W[i, 0] * x + W[i, 1] * y + W[i, 2] * z
 
 
-@compiled
+@kernel
 def _solved(Q, c):
     """Q⁻¹ c of a matrix (3, 3)."""
     m_0, m_1, m_2 = (
@@ -397,7 +443,7 @@ def _solved(Q, c):
     return x / det, y / det, z / det
 
 
-@compiled
+@kernel
 def _turn(q, x, y, z):
     """Turn the quaternion q (4,) by the rotation vector (x, y, z) about world axes, using a power series.
 
@@ -413,7 +459,7 @@ def _turn(q, x, y, z):
     q[3] = c * d + z * w + x * b - y * a
 
 
-@compiled
+@kernel
 def _matrix(q, T):
     """Set T (3, 3) to the rotation matrix of the quaternion q."""
     w, x, y, z = q[0], q[1], q[2], q[3]
@@ -422,7 +468,7 @@ def _matrix(q, T):
     T[2, 0], T[2, 1], T[2, 2] = 2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)
 
 
-@compiled
+@kernel
 def _turned_inertia(T, W_0, W):
     """Set W (3, 3) to T W_0 Tᵀ."""
     for i in range(3):
@@ -433,49 +479,47 @@ def _turned_inertia(T, W_0, W):
             W[i, j] = x * T[j, 0] + y * T[j, 1] + z * T[j, 2]
 
 
-@compiled
+@kernel
 def _times(W, L, omega):
     """Set omega (3,) to W L."""
     for i in range(3):
         omega[i] = W[i, 0] * L[0] + W[i, 1] * L[1] + W[i, 2] * L[2]
 
 
-@compiled
+@kernel
 def _rolled(T, squares, axes, radius, at):
     """Set `at` (3,) to the lowest point, from its centre, of an ellipsoid with squared semi-axes (3,) along the
     columns of T `axes`, minus the radius along the normal."""
     at[0], at[1], at[2] = 0.0, 0.0, -radius
     if squares[0] + squares[1] + squares[2] == 0.0:
         return
-    # the normal in axes of the body, times the squares
     length = 0.0
-    stretched = np.empty(3)
     for j in range(3):
-        down = -(T[2, 0] * axes[0, j] + T[2, 1] * axes[1, j] + T[2, 2] * axes[2, j])
-        stretched[j] = squares[j] * down
+        down = T[2, 0] * axes[0, j] + T[2, 1] * axes[1, j] + T[2, 2] * axes[2, j]
         length += squares[j] * down * down
     if length <= 0.0:
         return
     length = np.sqrt(length)
-    for i in range(3):
-        for j in range(3):
+    for j in range(3):
+        down = T[2, 0] * axes[0, j] + T[2, 1] * axes[1, j] + T[2, 2] * axes[2, j]
+        for i in range(3):
             turned = T[i, 0] * axes[0, j] + T[i, 1] * axes[1, j] + T[i, 2] * axes[2, j]
-            at[i] += turned * stretched[j] / length
+            at[i] -= turned * squares[j] * down / length
 
 
-@compiled
+@kernel
 def _stribeck(mu, x, y, s, v_s):
     """Coefficient of friction at the slip (x, y) in m/s, with Stribeck's factor."""
     return mu * (1.0 + s * np.exp(-(x * x + y * y) / v_s**2))
 
 
-@compiled
+@kernel
 def _stretched(a_c, a_s, x, y):
     """Product M (x, y) with the matrix M of a friction ellipse."""
     return (1.0 + a_c) * x + a_s * y, a_s * x + (1.0 - a_c) * y
 
 
-@compiled
+@kernel
 def _roll(share, couples, L):
     """Add `share` times the couples (p, 2) about horizontal axes to the angular momentum L (3,)."""
     for k in range(len(couples)):
@@ -483,52 +527,30 @@ def _roll(share, couples, L):
         L[1] += share * couples[k, 1]
 
 
-@compiled
-def integrate(force, r_0, points, friction, body, outline, velocity, spin, step, most):
-    """Integrate the motion of n bodies from first contact until none of their p contact points penetrates the surface.
-
-    Args:
-        force: kind; exponent; ratio (n,) of tangential to normal damping and R m (n,) of a convex contact, on a pyramid
-            along the surface; height (n,) of the force above the point, as a fraction of the depth.
-        r_0: points (3, p, n) in m from the centre of mass, at first contact.
-        points: gap in m, μ, D and L in m of each point, (4, p, n).
-        friction: s and v_s in m/s of Stribeck's factor, m_t and m_r in m, a_c and a_s of an ellipse, (6, n).
-        body: W_0 (3, 3, n) in 1/m² and L (3, n) in m²/s at first contact; acceleration in m/s² and couple in m²/s² in
-            flight, (3, n).
-        outline: squared semi-axes (3,) in m² of an ellipsoid that rolls, axes of the body (3, 3, n) as columns at first
-            contact, and radius in m, subtracted along the normal.
-        velocity, spin: (3, n) in m/s and rad/s.
-        step: (n,) in s.
-        most: greatest number of steps (n,).
-
-    Returns:
-        Shift (3, n) in m, turn (4, n) as a quaternion, velocity and spin (3, n), time (n,) in s, and for each point the
-        impulses per mass (3, p, n) in m/s.
-    """
+@kernel
+def _each_body(force, r_0, points, friction, body, outline, velocity, spin, step, most, out, one, each, room):
+    """The motion of `integrate`, written to `out`; `one`, `each` and `room` are work arrays of one body, of each of its
+    contact points, and of `_convex`."""
     kind, exponent, ratios, rhos, shares = force
     is_convex = kind in (CONVEX, PYRAMID)
     gaps, mus, losses, lengths = points
     W_0s, momenta, accelerations, couples = body
     squares, axes, radius = outline
     p, n = gaps.shape
-    shift, turned, after, spun = np.zeros((3, n)), np.zeros((4, n)), velocity.copy(), spin.copy()
-    elapsed, impulses = np.zeros(n), np.zeros((3, p, n))
-    x, q, v, L, omega = np.zeros(3), np.zeros(4), np.zeros(3), np.zeros(3), np.zeros(3)
-    a, alpha, T, W, W_0, A = np.zeros(3), np.zeros(3), np.eye(3), np.eye(3), np.eye(3), np.eye(4)
-    beside, under, own = np.zeros(3), np.zeros(3), np.eye(3)
-    r, slid, forces = np.zeros((p, 3)), np.zeros((p, 2)), np.zeros((p, 4))
-    push, depths, deepest, carried = np.zeros(p), np.zeros(p), np.zeros(p), np.zeros((p, 2))
-    parts, d_1, d_2 = np.ones(p), 0.0, 0.0
-    mu, levers, Bs, Ks, rolled = np.zeros(p), np.zeros(p), np.zeros(p), np.zeros(p), np.zeros((p, 2))
-    room = _room(p)
+    shift, turned, after, spun, elapsed, impulses = out
+    (x, v, L, omega, a, alpha, beside, under), (T, W, W_0, own), A, q = one
+    (push, depths, deepest, parts, mu, levers, Bs, Ks), r, forces, (slid, carried, rolled) = each
+    d_1, d_2 = 0.0, 0.0
     for i in range(n):
         h, t = step[i], 0.0
         q[0], q[1], q[2], q[3] = 1.0, 0.0, 0.0, 0.0
-        x[:], v[:], L[:], omega[:] = 0.0, velocity[:, i], momenta[:, i], spin[:, i]
-        W_0[:], own[:], mu[:] = W_0s[:, :, i], axes[:, :, i], mus[:, i]
-        deepest[:], carried[:], forces[:], levers[:], rolled[:] = 0.0, 0.0, 0.0, friction[2, i], 0.0
+        for j in range(3):
+            x[j], v[j], L[j], omega[j] = 0.0, velocity[j, i], momenta[j, i], spin[j, i]
+            for k in range(3):
+                W_0[j, k], own[j, k] = W_0s[j, k, i], axes[j, k, i]
+        forces[:], carried[:], rolled[:] = 0.0, 0.0, 0.0
         for k in range(p):
-            depths[k] = -gaps[k, i]
+            depths[k], deepest[k], mu[k], levers[k] = -gaps[k, i], 0.0, mus[k, i], friction[2, i]
         _matrix(q, T)
         _rolled(T, squares, own, radius, beside)
         for _ in range(most[i]):
@@ -572,7 +594,8 @@ def integrate(force, r_0, points, friction, body, outline, velocity, spin, step,
                 for k in range(p):
                     B, share = losses[k, i] * SPEED / lengths[k, i], 0.5 * mu[k] * mu[k] if kind == PYRAMID else 1.0
                     Bs[k], Ks[k] = B * (1.0 + share * rhos[i]), (SPEED / lengths[k, i]) ** 2 * (1.0 + share * rhos[i])
-                a[:] = accelerations[:, i]
+                for j in range(3):
+                    a[j] = accelerations[j, i]
                 _times(W, couples[:, i], alpha)
                 _convex(kind, h, rhos[i], ratios[i], v, omega, a, alpha, W, r, depths, mu, levers, Bs, Ks, forces, room)
                 for k in range(p):
@@ -682,5 +705,41 @@ def integrate(force, r_0, points, friction, body, outline, velocity, spin, step,
         _matrix(q, T)
         _turned_inertia(T, W_0, W)
         _times(W, L, omega)
-        shift[:, i], turned[:, i], after[:, i], spun[:, i], elapsed[i] = x, q, v, omega, t
-    return shift, turned, after, spun, elapsed, impulses
+        for j in range(3):
+            shift[j, i], after[j, i], spun[j, i] = x[j], v[j], omega[j]
+        for j in range(4):
+            turned[j, i] = q[j]
+        elapsed[i] = t
+
+
+@compiled
+def integrate(force, r_0, points, friction, body, outline, velocity, spin, step, most):
+    """Integrate the motion of n bodies from first contact until none of their p contact points penetrates the surface.
+
+    Args:
+        force: kind; exponent; ratio (n,) of tangential to normal damping and R m (n,) of a convex contact, on a pyramid
+            along the surface; height (n,) of the force above the point, as a fraction of the depth.
+        r_0: points (3, p, n) in m from the centre of mass, at first contact.
+        points: gap in m, μ, D and L in m of each point, (4, p, n).
+        friction: s and v_s in m/s of Stribeck's factor, m_t and m_r in m, a_c and a_s of an ellipse, (6, n).
+        body: W_0 (3, 3, n) in 1/m² and L (3, n) in m²/s at first contact; acceleration in m/s² and couple in m²/s² in
+            flight, (3, n).
+        outline: squared semi-axes (3,) in m² of an ellipsoid that rolls, axes of the body (3, 3, n) as columns at first
+            contact, and radius in m, subtracted along the normal.
+        velocity, spin: (3, n) in m/s and rad/s.
+        step: (n,) in s.
+        most: greatest number of steps (n,).
+
+    Returns:
+        Shift (3, n) in m, turn (4, n) as a quaternion, velocity and spin (3, n), time (n,) in s, and for each point the
+        impulses per mass (3, p, n) in m/s.
+    """
+    p, n = points.shape[1:]
+    out = np.zeros((3, n)), np.zeros((4, n)), np.zeros((3, n)), np.zeros((3, n)), np.zeros(n), np.zeros((3, p, n))
+    vectors = np.zeros(3), np.zeros(3), np.zeros(3), np.zeros(3), np.zeros(3), np.zeros(3), np.zeros(3), np.zeros(3)
+    matrices = np.zeros((3, 3)), np.zeros((3, 3)), np.zeros((3, 3)), np.zeros((3, 3))
+    scalars = np.zeros(p), np.zeros(p), np.zeros(p), np.zeros(p), np.zeros(p), np.zeros(p), np.zeros(p), np.zeros(p)
+    pairs = np.zeros((p, 2)), np.zeros((p, 2)), np.zeros((p, 2))
+    one, each = (vectors, matrices, np.zeros((4, 4)), np.zeros(4)), (scalars, np.zeros((p, 3)), np.zeros((p, 4)), pairs)
+    _each_body(force, r_0, points, friction, body, outline, velocity, spin, step, most, out, one, each, _room(p))
+    return out
