@@ -16,7 +16,9 @@ A contact has the components (t, n) in the plane, (t_1, t_2, n) in space, along 
 Source: Solà 2017, Quaternion kinematics for the error-state Kalman filter, arXiv:1711.02508.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 
@@ -110,9 +112,7 @@ SPACE = Space(3, 4, 3)
 
 def by_column(name: str, *arrays: np.ndarray) -> np.ndarray:
     """Result of the function `name` of `products` for arrays (c, ...), which broadcast beyond their first axis."""
-    from thesis_lib.mechanics import products  # the module imports numba
-
-    kernel = getattr(products, name)
+    kernel = _compiled(name)
     for array in arrays:
         if array.ndim != 2:
             break
@@ -123,6 +123,14 @@ def by_column(name: str, *arrays: np.ndarray) -> np.ndarray:
     full = (np.broadcast_to(array.reshape(one), (len(array), *shape)) for array, one in zip(arrays, ones))
     found = kernel(*(array.reshape(len(array), -1) for array in full))
     return found.reshape(*found.shape[:-1], *shape)
+
+
+@cache
+def _compiled(name: str) -> Callable[..., np.ndarray]:
+    """The function `name` of `products`, a module that imports numba."""
+    from thesis_lib.mechanics import products
+
+    return getattr(products, name)
 
 
 def by_row(A: np.ndarray) -> np.ndarray:

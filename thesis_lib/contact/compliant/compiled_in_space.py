@@ -187,9 +187,8 @@ def _on_side(Q, c, mu, x, y):
         turn = -slope / change
         if abs(turn) > WIDE:
             break
-        x, y = x - turn * y, y + turn * x
-        length = np.sqrt(x * x + y * y)
-        x, y = x / length, y / length
+        shorter = 1.0 / np.sqrt(1.0 + turn * turn)
+        x, y = shorter * (x - turn * y), shorter * (y + turn * x)
         if abs(turn) <= TURNED:
             f_1, f_2 = m * x, m * y
             u, w = Q[0, 0] * f_1 + Q[0, 1] * f_2 + Q[0, 2], Q[0, 1] * f_1 + Q[1, 1] * f_2 + Q[1, 2]
