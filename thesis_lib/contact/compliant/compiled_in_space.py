@@ -31,6 +31,7 @@ from thesis_lib.contact.compliant.compiled import CONVEX, PYRAMID, SETTLED, SPEE
 CLOSE = 1e-9  # relative tolerance of friction at its limit
 MOST = 40  # steps to the limit; about 4 Newton steps are needed
 LEAST = 1e-9  # least μ, for a cone of non-zero size
+AT_LIMIT = 0.999  # of the square of friction's limit, from which on the next step probably slides
 TURNS, TURNED, WIDE = 8, 1e-6, 0.5  # steps along the side of a cone: most of them, the last and the widest in rad
 ON_BALL = 1e-13  # relative tolerance of the length that `in_ball` limits
 
@@ -357,15 +358,18 @@ def _convex(kind, h, rho, ratio, v, omega, a, alpha, W, rs, depths, mus, levers,
                 # sticking: evaluated in the middle of a step that resolves it, else at the end against oscillation
                 largest = max(A[0, 0], A[1, 1])
                 later = 0.0 if B * h * largest < half * largest + rho / ratio else 0.5 * B * h
-                f_1, f_2, f_n, twist = _sticking(Q, A, c, u, later, lever, M, d)
-                slip = (f_1 * f_1 + f_2 * f_2) / max(mu, LEAST) ** 2
-                if f_n < 0.0 or slip + (twist / lever if lever > 0.0 else 0.0) ** 2 > f_n * f_n:
-                    found = False
-                    if lever <= 0.0:
-                        x_1, x_2 = (f[0], f[1]) if f[0] * f[0] + f[1] * f[1] > 0.0 else (f_1, f_2)
-                        f_1, f_2, f_n, found = _on_side(Q, c, mu, x_1, x_2)
-                    if not found:
-                        f_1, f_2, f_n, twist = _in_cone(Q, c, mu, lever, f[2])
+                slid = lever <= 0.0 and f[0] * f[0] + f[1] * f[1] > AT_LIMIT * (mu * f[2]) ** 2
+                found, twist = False, 0.0
+                if slid and later == 0.0:  # a minimum on the side excludes sticking
+                    f_1, f_2, f_n, found = _on_side(Q, c, mu, f[0], f[1])
+                if not found:
+                    f_1, f_2, f_n, twist = _sticking(Q, A, c, u, later, lever, M, d)
+                    slip = (f_1 * f_1 + f_2 * f_2) / max(mu, LEAST) ** 2
+                    if f_n < 0.0 or slip + (twist / lever if lever > 0.0 else 0.0) ** 2 > f_n * f_n:
+                        if lever <= 0.0 and not (slid and later == 0.0):
+                            f_1, f_2, f_n, found = _on_side(Q, c, mu, f_1, f_2)
+                        if not found:
+                            f_1, f_2, f_n, twist = _in_cone(Q, c, mu, lever, f[2])
             d_1, d_2, d_n, d_t = f_1 - f[0], f_2 - f[1], f_n - f[2], twist - f[3]
             _accelerate(d_1, d_2, d_n, d_t, r, W, a, alpha)
             f[0], f[1], f[2], f[3] = f_1, f_2, f_n, twist
@@ -591,8 +595,10 @@ def _each_body(force, r_0, points, friction, body, outline, velocity, spin, step
             turning, pressing = omega[2], 0
             if near and is_convex:
                 for k in range(p):
-                    B, share = losses[k, i] * SPEED / lengths[k, i], 0.5 * mu[k] * mu[k] if kind == PYRAMID else 1.0
-                    Bs[k], Ks[k] = B * (1.0 + share * rhos[i]), (SPEED / lengths[k, i]) ** 2 * (1.0 + share * rhos[i])
+                    if depths[k] > 0.0:
+                        share, rate = 0.5 * mu[k] * mu[k] if kind == PYRAMID else 1.0, SPEED / lengths[k, i]
+                        more = 1.0 + share * rhos[i]
+                        Bs[k], Ks[k] = losses[k, i] * rate * more, rate * rate * more
                 for j in range(3):
                     a[j] = accelerations[j, i]
                 _times(W, couples[:, i], alpha)
@@ -629,6 +635,8 @@ def _each_body(force, r_0, points, friction, body, outline, velocity, spin, step
             along_1 = along_2 = 0.0
             for k in range(p):
                 if is_convex:
+                    if depths[k] <= 0.0:
+                        continue
                     d_1, d_2 = h * forces[k, 0], h * forces[k, 1]
                     L[2] += h * forces[k, 3]
                 elif push[k] == 0.0:
