@@ -31,6 +31,7 @@ STATES.csv holds one impact per row, as measured when the body first touches:
 The output adds vx_post, vy_post, omega_post and status (ok, not_approaching, no_solution). They refer to the end of the
 contact: in a model with a contact time (tau) about a millisecond later, when the body has rotated and sunk in.
 Between walls (`surfaces` of dataset.yaml) a body hits the nearest wall towards which it moves.
+A warning names rows in which the body is far above or below the surface.
 In space the columns are as in impacts.csv of schema 2: x,y,z,qw,qx,qy,qz,vx_pre,…,wz_pre, of the tracked frame.
 """
 PREDICT_EXAMPLES = """\
@@ -95,7 +96,9 @@ def predict(argv: Sequence[str] | None = None) -> int:
 
     load_additions(args.files)
     model = load_named(args.model)
-    table = model.predict(read_states(args.states), args.states)
+    table = model.predict(
+        read_states(args.states), args.states, lambda said: print(f"warning: {said}", file=sys.stderr)
+    )
     if args.out:
         write_table(table, args.out)
         print(f"{len(table)} predictions written to {args.out}", file=sys.stderr)

@@ -101,7 +101,8 @@ class Critique:
                 an effect depends on them.  In space, the columns of an impacts.csv of schema 2 without those in _post.
 
         Returns:
-            The states with vx_post, vy_post, omega_post and `status`: ok, not_approaching or no_solution.
+            The states with vx_post, vy_post, omega_post and `status`: ok, not_approaching or no_solution.  A warning
+            names rows in which the body is far above or below the surface.
 
         Raises:
             UserError: a column is missing, a value is not a finite number, or the critique is of a mechanism.

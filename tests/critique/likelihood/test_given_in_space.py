@@ -186,5 +186,18 @@ def test_the_command_predicts_as_json_in_space(tmp_path, capsys):
     model_with().save(tmp_path / "model.json")
     stated_hits(content(), 3).to_csv(tmp_path / "states.csv", index=False)
     assert main(["predict", str(tmp_path / "model.json"), str(tmp_path / "states.csv"), "--json"]) == 0
-    told = json.loads(capsys.readouterr().out)
-    assert set(told["predictions"][0]) == {*V_POST_IN_SPACE, "status"}
+    printed = capsys.readouterr()
+    assert set(json.loads(printed.out)["predictions"][0]) == {*V_POST_IN_SPACE, "status"} and not printed.err
+
+
+def test_the_command_says_which_bodies_do_not_touch(tmp_path, capsys):
+    model_with().save(tmp_path / "model.json")
+    table = stated_hits(content(), 3)
+    off = np.zeros(len(table))
+    off[[1, 3]] = 2.0, -1.5
+    table[["x", "y", "z"]] += off[:, None] * CAMERA.apply([0.0, 0.0, 1.0])
+    table.to_csv(tmp_path / "states.csv", index=False)
+    assert main(["predict", str(tmp_path / "model.json"), str(tmp_path / "states.csv")]) == 0
+    said = capsys.readouterr().err
+    assert said.startswith("warning: ") and f"states.csv: In 2 of {len(table)} row(s)" in said
+    assert "more than 0.018 m above (+) or below (−) the surface: row 2 by +2 m and row 4 by −1.5 m." in said

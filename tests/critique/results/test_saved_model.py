@@ -130,6 +130,15 @@ def test_without_effects_it_is_the_law(states):
     assert list(found.columns[:6]) == list(STATE)
 
 
+def test_bodies_that_do_not_touch_are_told(states):
+    """By the gap of the model: an effect that moves the surface moves it."""
+    states.loc[1:4, "y"] += 2.0
+    with pytest.warns(UserWarning, match=r"In 4 of 50 row.*row 2 by \+2 m, .*row 4 by \+2(\.0\d)? m and 1 more"):
+        model_with().predict(states)
+    with pytest.warns(UserWarning, match=r"In 46 of 50 row.*row 1 by −2 m"):
+        model_with(**{"surface_height.h": 2.0}).predict(states)
+
+
 CAMERA_AND_BODY = {
     "length_scale": {"length_scale.s_L": 0.013},
     "marker_offset": {"marker_offset.d_x": 0.0013, "marker_offset.d_y": -0.0007},

@@ -4,7 +4,8 @@ Instead of the planar rig, model.json contains body, tracked frame, surface and 
 predicts rows of an impacts.csv of schema 2: poses and velocities of the tracked frame, in axes of the world.
 """
 
-from collections.abc import Mapping
+import warnings
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import ClassVar, Literal
@@ -82,7 +83,12 @@ class SavedSpaceModel(SavedModel):
     def believed(self) -> Rig:
         return replace(rig_of(Dataset("", self.rig)), reference=self.rig.reference.believed)
 
-    def predict(self, states: pd.DataFrame | Mapping[str, ArrayLike], source: str = "") -> pd.DataFrame:
+    def predict(
+        self,
+        states: pd.DataFrame | Mapping[str, ArrayLike],
+        source: str = "",
+        say: Callable[[str], None] = warnings.warn,
+    ) -> pd.DataFrame:
         """As in the plane; a model with effects on later hits also needs `trial` and `t`, and the first row of a trial
         must be its first hit.
 
@@ -101,7 +107,7 @@ class SavedSpaceModel(SavedModel):
                     f"{prefix}This model has the effect {name}: add the column {missing[0]} to the states, and include "
                     "the first hit of each trial, to distinguish it from later ones."
                 )
-        return super().predict(states, source)
+        return super().predict(states, source, say)
 
     @property
     def _of_history(self) -> list[str]:
@@ -111,7 +117,7 @@ class SavedSpaceModel(SavedModel):
         states = body_states(tracked_states(pd.DataFrame(columns), V_PRE_IN_SPACE), self.rig)
         return surface_frames(self.rig)[0].seen(states)
 
-    def after(self, state: State) -> tuple[np.ndarray, np.ndarray]:
+    def after(self, state: State) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         rig = self.believed
         if self._of_history:
             trial, index = np.unique(state.trial, return_inverse=True)
@@ -124,7 +130,7 @@ class SavedSpaceModel(SavedModel):
         after = dynamics.to_measured(dynamics.off(true)) if dynamics.integrated else dynamics.predict(state)
         motion = np.where(approaches, after.motion, state.motion)
         seen = tracked_of_body(surface_frames(self.rig)[0].shown(state.with_motion(motion)), self.rig)
-        return seen.v, approaches
+        return seen.v, approaches, dynamics.gap(true)
 
 
 def saved_in_space(

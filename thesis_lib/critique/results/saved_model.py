@@ -5,7 +5,8 @@
 
 import csv
 import io
-from collections.abc import Mapping
+import warnings
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import ClassVar, Literal
 
@@ -22,6 +23,7 @@ from thesis_lib.critique.contacts.kinds import ByImpulse, bind
 from thesis_lib.critique.contacts.model import Model
 from thesis_lib.critique.drops.sliding import SLIDING, TABLE
 from thesis_lib.critique.likelihood.fit import Fit
+from thesis_lib.critique.likelihood.in_space.episodes import OFF_SURFACE
 from thesis_lib.effects import EFFECTS
 from thesis_lib.effects.effect import Reference, Rig
 from thesis_lib.extensions.registry import Origin, additions, origin_of
@@ -31,6 +33,7 @@ from thesis_lib.foundation.regular_file import read_bytes
 from thesis_lib.foundation.settings import Section
 from thesis_lib.mechanics.space import PLANE, Space
 from thesis_lib.mechanics.state import State
+from thesis_lib.statistics.wording import formatted, listed
 
 STATE = ("x", "y", "theta", "vx", "vy", "omega")
 POST = ("vx_post", "vy_post", "omega_post")
@@ -39,6 +42,7 @@ OPTIONAL = ("trial", "t")  # for effects that change over time
 MAX_MODEL = 1_000_000  # bytes; a model with 20 effects has 10 kB
 MAX_STATES = 200_000_000  # bytes; two million impacts
 MAX_COLUMNS = 1000
+MOST_ROWS = 3  # named in a warning
 # usual values of the rig, not written: one surface, a measured angle, and effects that count from 0
 _USUAL = (("walls", []), ("mesh_sha256", None), ("has_angle", True), ("reference", {"x": 0.0, "t": 0.0, "trial": 0.0}))
 _PULL = 1.0  # one release or 1 s: step of `trial` and `t` that shows whether a model depends on them
@@ -107,8 +111,9 @@ class SavedModel(Section):
         """The states in these columns (n,), in the form that the model uses."""
         return State.planar(**columns)
 
-    def after(self, state: State) -> tuple[np.ndarray, np.ndarray]:
-        """Velocity (n, d + turns) in m/s, rad/s at the end of the contact, and a mask (n,) of approaching bodies.
+    def after(self, state: State) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Velocity (n, d + turns) in m/s, rad/s at the end of the contact, a mask (n,) of approaching bodies, and the
+        gap (n,) in m between body and surface in `state`.
 
         Bodies that do not approach the surface keep the velocity of the state.
         """
@@ -125,7 +130,8 @@ class SavedModel(Section):
             after = np.einsum("nji,nj->ni", R, after)
         # the velocity of a body that moves away must not be rounded by the transformations to the camera and back
         approaches = dynamics.approaches(true)
-        return np.where((approaches | np.isnan(after).any(axis=1))[:, None], after, state.v), approaches
+        v = np.where((approaches | np.isnan(after).any(axis=1))[:, None], after, state.v)
+        return v, approaches, dynamics.gap(true)
 
     @property
     def model(self) -> Model:
@@ -156,14 +162,20 @@ class SavedModel(Section):
     def __repr__(self) -> str:
         return f"<SavedModel of {self}>"
 
-    def predict(self, states: pd.DataFrame | Mapping[str, ArrayLike], source: str = "") -> pd.DataFrame:
+    def predict(
+        self,
+        states: pd.DataFrame | Mapping[str, ArrayLike],
+        source: str = "",
+        say: Callable[[str], None] = warnings.warn,
+    ) -> pd.DataFrame:
         """The table of states with vx_post, vy_post, omega_post and `status`: ok, not_approaching or no_solution.
 
         The prediction holds at the end of the contact: at once, or after the contact time of a model with `tau`.
         `states` are x, y, theta, vx, vy, omega at first touch, as measured (m, rad, m/s, rad/s), `trial` and `t` if an
         effect depends on them, and any further columns.  Between walls the body hits the nearest one towards which it
-        moves.  If the fit had no measured spins, predictions hold for the spins in `states`.  UserError, which begins
-        with `source`, the name of their file, if a column is missing or a value is not a finite number.
+        moves.  If the fit had no measured spins, predictions hold for the spins in `states`.  `say` gets a warning of
+        bodies that do not touch.  UserError, which like the warning begins with `source`, the name of their file, if a
+        column is missing or a value is not a finite number.
         """
         prefix, states = f"{source}: " if source else "", pd.DataFrame(states)
         if missing := [name for name in self.columns if name not in states]:
@@ -187,13 +199,22 @@ class SavedModel(Section):
         # a missing column gets the reference value: far from it, a limit such as ε ≤ 1 would hide a dependence
         for name in (name for name in OPTIONAL if name not in states):
             columns[name] = np.full(len(states), getattr(self.rig.reference, name))
-        after, approaches = self.after(self.measured(columns))
+        after, approaches, gap = self.after(self.measured(columns))
         for name in (name for name in OPTIONAL if name not in states):
-            moved, _ = self.after(self.measured(columns | {name: columns[name] + _PULL}))
+            moved, *_ = self.after(self.measured(columns | {name: columns[name] + _PULL}))
             if not np.array_equal(after, moved, equal_nan=True):
                 effects = ", ".join(self.effects)
                 why = f"This model depends on {name} ({effects}): add the column {name} to the states."
                 raise UserError(f"{prefix}{why}")
+        limit = OFF_SURFACE * self.believed.shape.extent
+        if len(far := np.flatnonzero(np.abs(gap) > limit)):
+            rows = [f"row {i + 1} by {formatted(gap[i], '+.3g')} m" for i in far[:MOST_ROWS]]
+            more = [f"{len(far) - MOST_ROWS} more"] * (len(far) > MOST_ROWS)
+            say(
+                f"{prefix}In {len(far)} of {len(gap)} row(s) the lowest point of the body is more than "
+                f"{limit:.2g} m above (+) or below (−) the surface: {listed([*rows, *more])}. Predictions hold "
+                "for bodies that touch it."
+            )
         status = np.where(approaches, "ok", "not_approaching")
         status = np.where(np.isfinite(after).all(axis=1), status, "no_solution")
         return states.assign(**dict(zip(self.found, after.T)), status=status)
