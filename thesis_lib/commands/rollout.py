@@ -19,9 +19,20 @@ if TYPE_CHECKING:
     from thesis_lib.datasets.format.dataset import Dataset
 
 ROLLOUT = """\
-Simulate measured tosses with a model.json, from the initial state to the last frame, and compare all frames by the
-three error measures of the literature (ContactNets, Acosta et al. 2021, and the mean errors used for engines). The
-floor is the error due to the uncertain initial state alone. Only tosses held out by the critique, unless --all.
+Simulate measured tosses with a model.json, from the initial state to the last frame, and compare all frames. Only
+tosses held out by the critique, unless --all. Each row is an error averaged over the frames of a toss and then over
+tosses, with its 95 % interval. Δp and Δθ are the errors of position and rotation in a frame, w the mean width of the
+body:
+
+  contactnets pos_int_percent          |Δp| in % of w; these three are the metrics of ContactNets, arXiv:2009.11193
+  contactnets angle_int_deg            |Δθ| in degrees
+  contactnets penetration_int_percent  depth of the simulated body in the surface, in % of w
+  acosta loss, acosta median           |Δp|²/(w/2) + Δθ² (m, rad) from three frames before the first possible touch, its
+                                       mean and median over tosses: Acosta, Yang and Posa, arXiv:2110.00541
+  benchmark position_m, angle_rad      |Δp| in m and |Δθ| in rad, for comparison with engines
+  final_face share                     share of tosses that end on the measured face
+
+The column floor is the error due to the uncertain initial state alone.
 
 With --fit the named parameters, first fitted to hits, are fitted to the whole tosses that the critique did not hold
 out; the last column then compares both models on the held-out tosses.
