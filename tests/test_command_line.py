@@ -137,9 +137,17 @@ def told(words: list[str], capsys, code: int = 0):
     return json.loads(out, parse_constant=lambda name: pytest.fail(f"{name} is not JSON"))
 
 
+def test_the_help_of_rollout_explains_each_row_that_it_prints():
+    from thesis_lib.commands.rollout import ROLLOUT
+    from thesis_lib.critique.simulation.rollout import GROUPS
+
+    words = set(re.findall(r"\w+", ROLLOUT))
+    assert words >= {*GROUPS, *(key for keys in GROUPS.values() for key in keys)}
+
+
 def test_effects_and_figures_are_json(capsys, monkeypatch):
     monkeypatch.chdir(ROOT)
-    assert {"name", "equation", "parameters"} <= told(["effects", "--json"], capsys)[0].keys()
+    assert {"name", "equation", "equation_in_space", "parameters"} <= told(["effects", "--json"], capsys)[0].keys()
     figures = told(["figures", "--json"], capsys)
     assert len({figure["figure"] for figure in figures}) == len(figures) > 40
     one = told(["figures", "3-8", "--json", "--results", "nowhere"], capsys)

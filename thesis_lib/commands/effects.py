@@ -141,6 +141,8 @@ def effects_text() -> str:
             lines.append(family.replace("_", " "))
         needs = " (needs trajectories)" if effect.needs_trajectories else ""
         lines += [f"  {effect.name}: {effect.title}{needs}", f"      {effect.equation}"]
+        if effect.equation_in_space:
+            lines.append(f"      in space: {effect.equation_in_space}")
         for p in effect.parameters:
             unit = "" if p.unit == "1" else f" {p.unit}"
             if p.discrete is not None:
@@ -160,7 +162,7 @@ def effects_json() -> str:
     from thesis_lib.effects import EFFECTS
     from thesis_lib.extensions.registry import origin_of
 
-    keys = ("name", "family", "title", "equation", "needs_trajectories", "reference")
+    keys = ("name", "family", "title", "equation", "equation_in_space", "needs_trajectories", "reference")
     listed = []
     for effect in EFFECTS.values():
         entry = {key: getattr(effect, key) for key in keys}

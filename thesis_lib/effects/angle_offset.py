@@ -31,6 +31,7 @@ class AngleOffset(CameraEffect):
     name = "angle_offset"
     title = "angle offset"
     equation = "θ_measured = θ + d_θ"
+    equation_in_space = "R_measured = R exp(d)"
     parameters = (_OFF,)
     # start at the null only: fits try all combinations of the starts of the components
     own_in_space = components(Parameter("d", "rad", null=0.0, low=-1.6, high=1.6, scale=0.02, starts=(0.0,)), _NAMES)

@@ -37,6 +37,7 @@ class AnisotropicFriction(Effect):
     family = "contact_law"
     title = "friction depends on direction"
     equation = "μ = μ₀ (1 + a_t sign(v_t))"
+    equation_in_space = "|M⁻¹ dc_t| ≤ dp, M = μ₀ (1 + [[a_c, a_s], [a_s, −a_c]])"
     parameters = (Parameter("a_t", "1", null=0.0, low=-0.95, high=0.95, scale=0.1),)
     own_in_space = components(Parameter("a", "1", null=0.0, low=-0.65, high=0.65, scale=0.1), ("a_c", "a_s"))
     level = (("a_c", "a_s", 2),)

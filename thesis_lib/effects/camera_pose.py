@@ -42,6 +42,7 @@ class CameraPose(Effect):
     family = "measurement"
     title = "camera turned against the surface"
     equation = "x_measured − x₀ = R(ρ + α) (x − x₀), a = g (−sin α, −cos α)"
+    equation_in_space = "x_measured = exp(b) x, R_measured = exp(b) R, v and ω alike"
     parameters = (
         Parameter("roll", "rad", null=0.0, low=-0.6, high=0.6, scale=0.01, starts=(0.0,)),
         Parameter("slope", "rad", null=0.0, low=-0.6, high=0.6, scale=0.01, starts=(0.0,)),

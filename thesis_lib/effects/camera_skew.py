@@ -26,6 +26,7 @@ class CameraSkew(CameraEffect):
     name = "camera_skew"
     title = "camera axes not square"
     equation = "x_measured = x + s (y − H)"
+    equation_in_space = "x_measured = x + (s_x, s_y, 0) (x_n − H)"
     parameters = (_LEAN,)
     own_in_space = components(_LEAN, _NAMES)
     embedded = (("s_x", "s", 1.0),)

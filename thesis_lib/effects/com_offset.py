@@ -29,6 +29,7 @@ class ComOffset(Effect):
     family = "geometry"
     title = "displaced centre of mass"
     equation = "v_com = v_o + ω × R(θ) c, r = r_o − R(θ) c"
+    equation_in_space = "v_com = v_o + ω × R c, r = r_o − R c"
     parameters = components(Parameter("c", "m", null=0.0, low=-0.02, high=0.02, scale=5e-4), ("c_x", "c_y"))
     channels = ("impact", "flight")
     even = True

@@ -26,6 +26,7 @@ class ContactTorque(Effect):
     family = "contact_law"
     title = "contact torque"
     equation = "dτ = −m_r sign(ω) dp, |dτ| ≤ m_r dp where ω = 0"
+    equation_in_space = "dτ_t = −m_r ω_t/|ω_t| dp, |dτ_t| ≤ m_r dp where ω_t = 0"
     parameters = (Parameter("m_r", "m", null=0.0, low=0.0, high=0.02, scale=5e-4),)
     needs_angle = True
     rank = 4

@@ -37,6 +37,7 @@ class CurvedSurface(Effect):
     family = "surface"
     title = "curved surface"
     equation = "h(x) = κ (x − c)²/2, normal turned by κ (x − c)"
+    equation_in_space = "h = κ |s|²/2, n ~ (−κ s, 1), s = (x − x_0, y − y_0)"
     parameters = (Parameter("kappa", "1/m", null=0.0, low=-2.0, high=2.0, scale=0.1), _PLACE)
     own_in_space = (*parameters, replace(_PLACE, name="y_0", along="y"))
     level = (("x_0", "y_0", 1),)

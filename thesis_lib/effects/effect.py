@@ -256,6 +256,7 @@ class Effect:
         family: one of `FAMILIES`.
         title: name in figures and reports.
         equation: in plain text with the symbols of the glossary.
+        equation_in_space: in space, if it differs: x and R are position and attitude, n is the normal.
         parameters: see `Parameter`.
         channels: quantities it changes: impact (velocity after impact), meet (pose after minus pose before), touch
             (gap at impact), flight (acceleration between impacts), slide (friction while the surface supports it).
@@ -303,6 +304,7 @@ class Effect:
     own_in_space: tuple[Parameter, ...] = ()
     level: tuple[tuple[str, str, int], ...] = ()
     embedded: tuple[tuple[str, str, float], ...] = ()
+    equation_in_space: str = ""
     denies: str = ""
     reference: str = ""
 
@@ -416,6 +418,11 @@ class CameraEffect(Effect):
     def seen(self, state: State, p: Parameters, way: float, rig: Rig) -> State:
         """Measured state of a true one if `way` is 1; true state of a measured one if `way` is −1."""
         raise NotImplementedError
+
+
+def equation_in(effect: Effect, space: Space) -> str:
+    """Equation of the effect in this space."""
+    return effect.equation if space.is_plane else effect.equation_in_space or effect.equation
 
 
 def parameters_in(effect: Effect, space: Space) -> tuple[Parameter, ...]:

@@ -40,6 +40,7 @@ class Lens(Effect):
     family = "measurement"
     title = "lens distortion"
     equation = "x_measured = c + (1 + k₁ |x − c|²) (x − c)"
+    equation_in_space = "u_measured = c + (1 + k₁ |u − c|²) (u − c), u = (x, y) of the recording"
     parameters = (
         _STRENGTH,
         Parameter("c_x", "m", null=0.0, low=-1.0, high=1.0, scale=0.1, along="x"),

@@ -23,6 +23,7 @@ class MarkerOffset(CameraEffect):
     name = "marker_offset"
     title = "marker off the centre"
     equation = "x_measured = x + R(θ) d"
+    equation_in_space = "x_measured = x + R d"
     parameters = components(
         Parameter("d", "m", null=0.0, low=-0.05, high=0.05, scale=5e-4, starts=(0.0,)), ("d_x", "d_y")
     )

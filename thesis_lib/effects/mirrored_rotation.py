@@ -28,6 +28,7 @@ class MirroredRotation(Effect):
     family = "measurement"
     title = "mirrored rotation"
     equation = "θ_measured = −θ, ω_measured = −ω"
+    equation_in_space = "R_measured = M R M, M the mirror of one axis of the recording"
     parameters = (_ON,)
     own_in_space = (
         replace(_ON, name="mirrored_axis", high=3.0, choices=(2.0, 3.0), words=("x axis", "y axis", "z axis")),

@@ -23,6 +23,7 @@ class MovingSurface(Effect):
     family = "surface"
     title = "moving surface"
     equation = "v_t = v_x − V − r_y ω"
+    equation_in_space = "v_t = (v + ω × r)_t − (V_x, V_y)"
     parameters = (_VELOCITY,)
     own_in_space = components(_VELOCITY, ("V_x", "V_y"))
     level = (("V_x", "V_y", 1),)

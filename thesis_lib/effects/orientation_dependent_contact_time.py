@@ -30,6 +30,7 @@ class OrientationDependentContactTime(Effect):
     family = "contact_law"
     title = "contact time depends on the place on the body"
     equation = "τ = τ₀ exp(a_c cos β + a_s sin β + b_c cos 2β + b_s sin 2β)"
+    equation_in_space = "τ = τ₀ exp(a·u), u the direction of the body that faces the surface"
     parameters = components(_SIZE, ("a_c", "a_s", "b_c", "b_s"))
     own_in_space = components(_SIZE, ("a_x", "a_y", "a_z"))
     channels = ("touch",)

@@ -27,6 +27,7 @@ class OrientationDependentRestitution(Effect):
     family = "contact_law"
     title = "restitution depends on the place on the body"
     equation = "ε = ε₀ (1 + a_c cos 2β + a_s sin 2β)"
+    equation_in_space = "ε = ε₀ (1 + a·u), u the direction of the body that faces the surface"
     parameters = components(_SIZE, ("a_c", "a_s"))
     own_in_space = components(_SIZE, ("a_x", "a_y", "a_z"))
     needs_angle = True

@@ -27,6 +27,7 @@ class PositionDependentContactTime(Effect):
     family = "surface"
     title = "contact time depends on place"
     equation = "τ = τ₀ (1 − 2 g_τ x_c)^(−1/2)"
+    equation_in_space = "τ = τ₀ (1 − 2 g_τ·x_c)^(−1/2)"
     parameters = (_SLOPE,)
     own_in_space = components(_SLOPE, ("g_tau_x", "g_tau_y"))
     level = (("g_tau_x", "g_tau_y", 1),)

@@ -25,6 +25,7 @@ class PositionDependentFriction(Effect):
     family = "surface"
     title = "friction depends on place"
     equation = "μ = μ₀ (1 + g_μ x_c)"
+    equation_in_space = "μ = μ₀ (1 + g_μ·x_c)"
     parameters = (_SLOPE,)
     own_in_space = components(_SLOPE, ("g_mu_x", "g_mu_y"))
     level = (("g_mu_x", "g_mu_y", 1),)

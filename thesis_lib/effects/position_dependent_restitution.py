@@ -25,6 +25,7 @@ class PositionDependentRestitution(Effect):
     family = "surface"
     title = "restitution depends on place"
     equation = "ε = ε₀ (1 + g_ε x_c)"
+    equation_in_space = "ε = ε₀ (1 + g_ε·x_c)"
     parameters = (_SLOPE,)
     own_in_space = components(_SLOPE, ("g_eps_x", "g_eps_y"))
     level = (("g_eps_x", "g_eps_y", 1),)

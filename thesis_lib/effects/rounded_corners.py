@@ -30,6 +30,7 @@ class RoundedCorners(Effect):
     family = "geometry"
     title = "rounded corners"
     equation = "r = lowest point of (polygon ⊖ ρ) ⊕ disk(ρ)"
+    equation_in_space = "r = lowest point of (solid ⊖ ρ) ⊕ ball(ρ)"
     parameters = (Parameter("rho", "m", null=0.0, low=0.0, high=0.05, scale=2e-3),)
     channels = ("impact", "touch")
     dimensions = IN_SPACE

@@ -23,6 +23,7 @@ class SensorDrift(CameraEffect):
     name = "sensor_drift"
     title = "drifting camera"
     equation = "x_measured = x + d_x (t − t₀)"
+    equation_in_space = "x_measured = x + (d_x, d_y, 0) (t − t₀)"
     parameters = (_VELOCITY,)
     own_in_space = components(_VELOCITY, ("d_x", "d_y"))
     level = (("d_x", "d_y", 1),)

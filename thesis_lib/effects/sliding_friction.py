@@ -24,6 +24,7 @@ class SlidingFriction(Effect):
     family = "contact_law"
     title = "another friction while sliding"
     equation = "a_t = −μ_s a_n sign(v_t) while supported, μ at impacts"
+    equation_in_space = "a_t = −μ_s a_n v_t/|v_t| while supported, μ at impacts"
     parameters = (Parameter("mu_s", "1", null=0.3, low=0.0, high=2.0, scale=0.05, of="mu"),)
     channels = ("slide",)
     dimensions = IN_SPACE

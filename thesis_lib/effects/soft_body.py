@@ -38,6 +38,7 @@ class SoftBody(Effect):
     family = "geometry"
     title = "the body gives way"
     equation = "r = r_shape(θ) + λ |v_n| (l, 1)"
+    equation_in_space = "r = r_shape(R) + λ |v_n| (l_1, l_2, 1)"
     parameters = (Parameter("lam", "s", null=0.0, low=0.0, high=3e-3, scale=1e-4),)
     needs_contact_time = True
     needs_angle = True

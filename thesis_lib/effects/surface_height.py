@@ -17,6 +17,7 @@ class SurfaceHeight(Effect):
     family = "surface"
     title = "wrong surface height"
     equation = "φ_n = y − h(θ) − (H + h)"
+    equation_in_space = "φ_n = x_n + r_n − (H + h)"
     parameters = (Parameter("h", "m", null=0.0, low=-0.1, high=0.1, scale=1e-3),)
     channels = ("touch",)
     dimensions = IN_SPACE

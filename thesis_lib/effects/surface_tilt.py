@@ -27,6 +27,7 @@ class SurfaceTilt(Effect):
     family = "surface"
     title = "tilted surface"
     equation = "a = g (sin φ, −cos φ)"
+    equation_in_space = "a_t = g_t + |g| (sin φ_x, sin φ_y), |a| = |g|"
     parameters = (_ANGLE,)
     own_in_space = components(_ANGLE, _NAMES)
     embedded = (("phi_x", "phi", 1.0),)

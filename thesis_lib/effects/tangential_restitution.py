@@ -22,6 +22,7 @@ class TangentialRestitution(Effect):
     family = "contact_law"
     title = "tangential restitution"
     equation = "c_t = clip((1 + e_t) c_t,stick, ±μ c_n)"
+    equation_in_space = "c_t = (1 + e_t) c_t,stick, |c_t| ≤ μ c_n"
     parameters = (Parameter("e_t", "1", null=0.0, low=-1.0, high=1.0, scale=0.2),)
     needs_angle = True
     rank = -1

@@ -17,6 +17,7 @@ class TimeLag(CameraEffect):
     name = "time_lag"
     title = "angle lags behind position"
     equation = "θ_measured(t) = θ(t − T)"
+    equation_in_space = "R_measured(t) = R(t − T)"
     parameters = (Parameter("lag", "s", null=0.0, low=-0.05, high=0.05, scale=2e-3, starts=(-0.01, 0.01)),)
     channels = ("impact", "meet", "touch")
     needs_angle = True

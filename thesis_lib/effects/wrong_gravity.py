@@ -18,6 +18,7 @@ class WrongGravity(Effect):
     family = "flight"
     title = "wrong gravity"
     equation = "a = (0, −(g + dg))"
+    equation_in_space = "a = g − dg n"
     parameters = (Parameter("dg", "m/s²", null=0.0, low=-9.0, high=9.0, scale=0.1),)
     channels = ("flight",)
     even = True

@@ -16,6 +16,7 @@ class WrongInertia(Effect):
     family = "inertia"
     title = "wrong inertia"
     equation = "k² = k₀² (1 + d_I)"
+    equation_in_space = "I = I₀ (1 + d_I)"
     parameters = (Parameter("d_I", "1", null=0.0, low=-0.7, high=2.0, scale=0.1),)
     denies = "inertia"
     needs_angle = True

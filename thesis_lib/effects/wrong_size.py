@@ -18,6 +18,7 @@ class WrongSize(Effect):
     family = "geometry"
     title = "wrong size"
     equation = "r = (1 + s) r_shape(θ)"
+    equation_in_space = "r = (1 + s) r_shape(R)"
     parameters = (Parameter("s", "1", null=0.0, low=-0.5, high=0.5, scale=0.03),)
     channels = ("impact", "touch")
     denies = "size"

@@ -34,6 +34,14 @@ def page(html):
     return Page(html)
 
 
+def test_a_page_of_a_body_in_space_shows_formulas_of_space(diagnosis):
+    diagnosis["effects"][0]["name"] = "wrong_gravity"
+    assert "Wrong gravity (a = (0, −(g + dg)))" in report_effects.effects(diagnosis)
+    assert "Wrong gravity (a = g − dg n)" in report_effects.effects(diagnosis | {"dimensions": 3})
+    diagnosis["effects"][0]["name"] = "magnus"  # the formula of the plane holds
+    assert "(a = g + k_m ω × v)" in report_effects.effects(diagnosis | {"dimensions": 3})
+
+
 def test_the_page_stands_alone_and_the_browser_may_run_its_script_and_no_other(html):
     assert [attributes for attributes, _ in scripts(html)] == 2 * [' type="application/json"'] + [""]
     assert not re.search(r"(?:src|href)=\"(?!data:image/png;base64,|#)", html)

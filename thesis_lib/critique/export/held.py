@@ -1,6 +1,7 @@
 """Which effects of a model the file of an engine can express, in which element, and why it cannot express others."""
 
 from thesis_lib.effects import EFFECTS
+from thesis_lib.effects.effect import equation_in
 from thesis_lib.mechanics.space import Space
 
 GEOMETRY = "geometry of the body"
@@ -78,4 +79,4 @@ def reason(name: str, target: str, space: Space) -> str:
         return _AIR[target]
     if name == "anisotropic_friction" and not space.is_plane:
         return _ELLIPSE
-    return _WHY.get(name, f"the format has no element for {effect.equation}")
+    return _WHY.get(name, f"the format has no element for {equation_in(effect, space)}")

@@ -20,6 +20,8 @@ from thesis_lib.critique.results.summary import above_noise, restitution_differs
 from thesis_lib.critique.results.titles import effect_title, law_title, new_law, symbol
 from thesis_lib.critique.selection.settings import search_ended
 from thesis_lib.effects import EFFECTS
+from thesis_lib.effects.effect import equation_in
+from thesis_lib.mechanics.space import PLANE, SPACE
 from thesis_lib.report.critique.tables import sizes
 from thesis_lib.report.elements import amount, bullets, interval, paragraph, percent, table
 from thesis_lib.statistics.wording import listed, number
@@ -27,7 +29,7 @@ from thesis_lib.statistics.wording import listed, number
 
 def faults(d: Mapping) -> Markup:
     measured = filter(told.is_fault, told.effects_found(d))
-    sentences = [f"{_effect_sentence(effect)} {_doubt(effect)}".strip() for effect in measured]
+    sentences = [f"{_effect_sentence(effect, d)} {_doubt(effect)}".strip() for effect in measured]
     return paragraph(*sentences) + Markup().join(map(paragraph, told.faults(d)))
 
 
@@ -38,20 +40,20 @@ def effects(d: Mapping) -> Markup:
             "No candidate passes all tests: a gain of log score beyond the gain of the best of all candidates by "
             "chance, a gain on trials to which it was not fitted, a material fall of one error, and no rise of another."
         )
-    return Markup().join(map(_effect, d["effects"])) + more
+    return Markup().join(_effect(effect, d) for effect in d["effects"]) + more
 
 
-def _effect(effect: Mapping) -> Markup:
+def _effect(effect: Mapping, d: Mapping) -> Markup:
     title = capital(effect_title(effect["name"]))
     if not effect["clears"]:
         by_hand = f"{title} was switched on by you; {told.why_not(effect)}."
-        return paragraph(by_hand, _effect_sentence(effect))
+        return paragraph(by_hand, _effect_sentence(effect, d))
     if told.is_fault(effect):
         return paragraph(f"{title} is a fault of the measurement; see above.")
     if effect.get("stand_in"):
-        return paragraph(told.stands_in(effect), _effect_sentence(effect), _shown_by(effect))
+        return paragraph(told.stands_in(effect), _effect_sentence(effect, d), _shown_by(effect))
     end = told.at_its_end(effect) if told.is_at_end(effect) else ""
-    return paragraph(_effect_sentence(effect), _doubt(effect), *said([effect]), _shown_by(effect), end)
+    return paragraph(_effect_sentence(effect, d), _doubt(effect), *said([effect]), _shown_by(effect), end)
 
 
 def _shown_by(effect: Mapping) -> str:
@@ -63,9 +65,10 @@ def _shown_by(effect: Mapping) -> str:
     return f"The evidence is the misfit of {named}, not the error of the velocity after impact."
 
 
-def _effect_sentence(effect: Mapping) -> str:
+def _effect_sentence(effect: Mapping, d: Mapping) -> str:
     name, gain = effect["name"], effect["gain"]
-    equation = f" ({EFFECTS[name].equation})" if name in EFFECTS else ""
+    space = SPACE if "dimensions" in d else PLANE
+    equation = f" ({equation_in(EFFECTS[name], space)})" if name in EFFECTS else ""
     (low, high), size = gain["interval"], gain["held_out_log_score_per_impact"]
     change = f"lower by {number(size)} {interval(low, high)}"
     if size < 0:
