@@ -345,7 +345,7 @@ def test_sizes_are_said_in_the_units_that_people_read_and_what_to_do_follows(tol
     assert "centre of mass in your simulator, give --effect com_offset with further drops, or use model.json" in text
     turned = {"name": "angle_offset", "family": "measurement"}
     size = {"value": 0.0175, "std": 1e-4, "unit": "rad"}
-    assert "d_theta = 1.003 (0.991 to 1.014)°; correct the camera" in said(
+    assert "d_theta = 17.50 (17.30 to 17.70) mrad; correct the camera" in said(
         told, turned | {"parameters": {"d_theta": size}}
     )
     bound = size | {"std": None, "bound": "lower", "range": [0.0, 1.0]}

@@ -5,13 +5,12 @@ from collections.abc import Mapping
 
 from thesis_lib.critique.drops.words import alternatives_listed
 from thesis_lib.critique.likelihood.channels import CHANNELS
+from thesis_lib.critique.results.titles import handy_unit
 from thesis_lib.effects import EFFECTS
 from thesis_lib.effects.effect import parameters_in
 from thesis_lib.mechanics.space import SPACE
 from thesis_lib.statistics.wording import bounded, ends, estimate, formatted, listed, number
 
-READ_IN = {"m": (" mm", 1e3), "s": (" ms", 1e3), "rad": ("°", 180.0 / math.pi)}  # units of small values
-SMALL = 0.1  # in the SI unit
 MOST_SIZES = 3  # in a sentence; the table has all of them
 
 
@@ -56,9 +55,9 @@ def sizes(effect: Mapping) -> str:
     said = []
     for name in filter(chosen.__contains__, certain):
         found = effect["parameters"][name]
-        unit, factor = READ_IN.get(found["unit"], ("", 1.0)) if abs(found["value"]) < SMALL else ("", 1.0)
-        unit = unit or f" {found['unit']}" * (found["unit"] != "1")
-        said.append(f"{name} = {estimate(factor * found['value'], factor * found['std'])}{unit}")
+        factor, unit = handy_unit(found["value"], found["unit"])
+        size = estimate(factor * found["value"], factor * found["std"])
+        said.append(f"{name} = {size}{f' {unit}' * (unit != '1')}")
     return listed(said)
 
 
