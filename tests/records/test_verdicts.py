@@ -9,6 +9,7 @@ from finding_of import finding
 
 from thesis_lib.critique.contacts.bases import BASES
 from thesis_lib.critique.results.summary import headline
+from thesis_lib.critique.selection.settings import SearchSettings
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.foundation.files import write_json
 from thesis_lib.thesis.records.catalogue import records
@@ -38,7 +39,7 @@ def diagnosis(name: str, effects: list[dict], augmented: float = 0.1, floor: flo
 
 def verdict(content: dict) -> str:
     """What the record says of a diagnosis."""
-    return finding("verdict", {**content, "headline": headline(content)})
+    return finding("verdict", {**content, "headline": headline(content, SearchSettings())})
 
 
 def effect(name: str) -> dict:
@@ -57,7 +58,7 @@ def effect(name: str) -> dict:
 def test_a_verdict_is_its_headline_and_what_is_left_of_the_error(name, augmented, floor, end) -> None:
     content = diagnosis(name, [effect("rounded_corners")], augmented, floor)
     said = verdict(content)
-    assert said.startswith(" ".join(headline(content))) and said.endswith(end)
+    assert said.startswith(" ".join(headline(content, SearchSettings()))) and said.endswith(end)
 
 
 @pytest.mark.parametrize("law", BASES)

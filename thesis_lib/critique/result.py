@@ -219,14 +219,15 @@ class OfDrops(Critique):
             return content
         from thesis_lib.critique.proposal.results import with_proposal
 
-        return with_proposal(content, self._proposals[0], file, self.found.observations.rig.has_angle)
+        return with_proposal(content, self._proposals[0], file, self.found)
 
     def _write_proposal(self, folder: str | Path, path: str | Path | None) -> str:
         if not self._proposals or self._proposals[0] is None:
             return ""
         from thesis_lib.critique.proposal.results import proposal_path, write_source
 
-        return write_source(self._proposals[0], Path(path) if path else proposal_path(folder)).name
+        to = Path(path) if path else proposal_path(folder)
+        return write_source(self._proposals[0], to, self.found.settings).name
 
     def _contents(self, found: Findings) -> "Contents":
         from thesis_lib.report.critique.page import contents

@@ -22,6 +22,7 @@ from thesis_lib.critique.proposal.propose import Proposal, _TermSearch, propose,
 from thesis_lib.critique.proposal.results import content_of, proposal_path, sentences, text_of, write_source
 from thesis_lib.critique.proposal.terms import FACTORS, Factor, Term, all_terms
 from thesis_lib.critique.selection import discovery
+from thesis_lib.critique.selection.settings import SearchSettings
 from thesis_lib.datasets.format.write import write_dataset
 from thesis_lib.effects import EFFECTS
 from thesis_lib.extensions.contract import outcomes
@@ -33,6 +34,7 @@ from thesis_lib.foundation.files import write_json
 
 HIDDEN, SIZE = "restitution_by_obliquity", -0.4
 IMPACTS = 150
+SETTINGS, STRICT = SearchSettings(), SearchSettings(material_floor=1e3)
 TERMS = all_terms()
 COMPOSES, DESCRIBED = "works together with every effect of the library", "explains its symbols and names a source"
 FAST = [check for check in EFFECT_CHECKS if check.name not in (COMPOSES, DESCRIBED)]
@@ -112,20 +114,23 @@ def test_the_content_and_the_file(proposal: Proposal, tmp_path: Path) -> None:
     stored = json.loads((tmp_path / "proposal.json").read_text())
     assert stored["terms"][0]["equation"] == "ε = ε₀ (1 + a |v_t|/v)"
     assert stored["error"]["after"] < stored["error"]["before"]
-    said = " ".join(sentences({"proposal": content}))
+    said = " ".join(sentences({"proposal": content}, SETTINGS))
     assert "drops_proposal.py" in said and "−0.4" in said
-    file = write_source(proposal, tmp_path / "drops_proposal.py")
+    for settings, word in ((SETTINGS, "falls from"), (STRICT, "hardly changes, from")):
+        assert f"error {word}" in " ".join(sentences({"proposal": content}, settings))
+        assert f"error {word}" in text_of(proposal, settings)
+    file = write_source(proposal, tmp_path / "drops_proposal.py", SETTINGS)
     ((_, name, found),) = results(read_file(file, say=str))
     assert name == HIDDEN and all(outcome.verdict == "pass" for outcome in found)
 
 
 def test_edits_of_an_earlier_file_stay(proposal: Proposal, tmp_path: Path) -> None:
-    first = write_source(proposal, tmp_path / "own.py")
-    assert write_source(proposal, tmp_path / "own.py") == first
+    first = write_source(proposal, tmp_path / "own.py", SETTINGS)
+    assert write_source(proposal, tmp_path / "own.py", SETTINGS) == first
     first.write_text("mine = 1\n", encoding="utf-8")
-    second = write_source(proposal, tmp_path / "own.py")
+    second = write_source(proposal, tmp_path / "own.py", SETTINGS)
     assert second != first and first.read_text(encoding="utf-8") == "mine = 1\n"
-    assert second.read_text(encoding="utf-8") == text_of(proposal)
+    assert second.read_text(encoding="utf-8") == text_of(proposal, SETTINGS)
 
 
 def test_the_regression_finds_it_in_every_half(hidden: DropsCritique) -> None:
@@ -141,7 +146,7 @@ def test_nothing_is_proposed_where_nothing_is_hidden(nothing: DropsCritique) -> 
     """Asked for though the critique would not ask."""
     assert nothing.verdict == "adequate"
     assert propose(nothing, np.random.default_rng(0)) is None
-    assert content_of(None, "") is None and "none is proposed" in sentences({"proposal": None})[0]
+    assert content_of(None, "") is None and "none is proposed" in sentences({"proposal": None}, SETTINGS)[0]
 
 
 @pytest.mark.slow

@@ -23,6 +23,7 @@ from thesis_lib.critique.results.tables import ladder as ladder_table
 from thesis_lib.critique.results.titles import counted_from
 from thesis_lib.critique.selection.discovery import Rejected, paired_gain
 from thesis_lib.critique.selection.scan import scan
+from thesis_lib.critique.selection.settings import SearchSettings
 from thesis_lib.effects import EFFECTS, effects_in
 from thesis_lib.mechanics.space import PLANE, SPACE
 from thesis_lib.statistics.wording import number
@@ -122,7 +123,9 @@ def told_nothing(nothing_hidden) -> dict:
 def said(told: dict, *effects: dict, error: dict | None = None, **changes) -> str:
     """The summary where `effects` are like the one that was found but for these keys, and other things have changed."""
     found = [told["effects"][0] | effect for effect in effects or [{}]]
-    return " ".join(summary({**told, "effects": found, "error": told["error"] | (error or {}), **changes}))
+    return " ".join(
+        summary({**told, "effects": found, "error": told["error"] | (error or {}), **changes}, SearchSettings())
+    )
 
 
 def told_of(critique, **changes) -> dict:
@@ -176,7 +179,7 @@ def test_nothing_hidden_is_adequate_and_says_what_would_have_shown(told_nothing)
     assert told_nothing["verdict"] == "adequate" and told_nothing["effects"] == []
     assert told_nothing["error"]["flight"]["base"] < 1.3
     sound = {**told_nothing["remaining"], "significant": False}  # by chance it may be
-    verdict, to_do, lasting, *_ = summary({**told_nothing, "remaining": sound})
+    verdict, to_do, lasting, *_ = summary({**told_nothing, "remaining": sound}, SearchSettings())
     assert "adequate" in verdict and "lists how small an effect these data could have shown" in to_do
     assert lasting.startswith("Contacts last about 1 ms (standard error 0.0")
     sizes = {entry["name"]: entry["smallest"] for entry in told_nothing["detectable"]}
@@ -350,6 +353,13 @@ def test_sizes_are_said_in_the_units_that_people_read_and_what_to_do_follows(tol
     )
     bound = size | {"std": None, "bound": "lower", "range": [0.0, 1.0]}
     assert "d_theta =" not in said(told, turned | {"parameters": {"d_theta": bound}})
+
+
+def test_the_thresholds_of_the_critique_say_whether_an_error_falls(hidden_impacts):
+    strict = hidden_impacts.settings.model_copy(update={"material_floor": 1e3})
+    for settings, word in ((hidden_impacts.settings, "error falls from"), (strict, "error hardly changes, from")):
+        content = told_of(hidden_impacts, settings=settings)
+        assert all(word in " ".join(content[key]) for key in ("headline", "summary"))
 
 
 def test_the_law_that_fits_with_the_effects_is_named(hidden_impacts):

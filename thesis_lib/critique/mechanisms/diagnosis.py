@@ -89,7 +89,7 @@ def mechanism_diagnosis(critique: MechanismCritique, dataset: str, rng: np.rando
     }
     if critique.fitted.sensors:
         content["sensors"] = _sensors(critique)
-    content["summary"] = [*_summary(content), *_rejected(content), *_clocks(content)]
+    content["summary"] = [*_summary(content, critique.settings.thresholds), *_rejected(content), *_clocks(content)]
     content["summary"] += search_ended(content["search"], "chapter2.hidden.critique.thresholds")
     return six_digits(content)
 
@@ -197,7 +197,7 @@ def _rejected(d: Mapping) -> list[str]:
     ]
 
 
-def _summary(d: Mapping) -> list[str]:
+def _summary(d: Mapping, settings: SearchSettings) -> list[str]:
     error = d["error"]
     base = f"{number(error['base'])} standard deviations of noise"
     named = []
@@ -213,7 +213,7 @@ def _summary(d: Mapping) -> list[str]:
                 for name in d["below_threshold"]
             ),
         ]
-    change = SearchSettings().change(error["base"], error["augmented"], 1.0)
+    change = settings.change(error["base"], error["augmented"], 1.0)
     fall = f"the held-out misfit {change} standard deviations of noise"
     if d["verdict"] == "effects":
         sentences = [f"The believed {d['mechanism']} leaves out: {listed(named)}; with it {fall} (noise alone: 1)."]

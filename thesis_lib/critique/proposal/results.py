@@ -17,6 +17,7 @@
 from collections.abc import Mapping
 from pathlib import Path
 
+from thesis_lib.critique.drops.criticise import DropsCritique
 from thesis_lib.critique.proposal.effect_file import source
 from thesis_lib.critique.proposal.propose import Proposal
 from thesis_lib.critique.proposal.terms import testable_terms
@@ -70,15 +71,15 @@ def content_of(proposal: Proposal | None, file: str) -> dict | None:
     )
 
 
-def with_proposal(content: Mapping, proposal: Proposal | None, file: str, has_angle: bool) -> dict:
+def with_proposal(content: Mapping, proposal: Proposal | None, file: str, critique: DropsCritique) -> dict:
     """`content` of diagnosis.json after a search for terms; `file`: name of the effect file, "" without one."""
     why = "theta is not measured: the unknown spin can explain any error that depends on it"
-    untold = [] if has_angle else [{"name": UNTESTABLE, "why": why}]
+    untold = [] if critique.observations.rig.has_angle else [{"name": UNTESTABLE, "why": why}]
     told = {**content, "proposal": content_of(proposal, file), "not_testable": [*content["not_testable"], *untold]}
-    return {**told, "summary": [*content["summary"], *sentences(told)]}
+    return {**told, "summary": [*content["summary"], *sentences(told, critique.settings)]}
 
 
-def sentences(d: Mapping) -> list[str]:
+def sentences(d: Mapping, settings: SearchSettings) -> list[str]:
     """Sentences for the summary; `d` is the content of diagnosis.json with the key `proposal`."""
     found = d["proposal"]
     if found is None:
@@ -94,7 +95,7 @@ def sentences(d: Mapping) -> list[str]:
     floor = error["noise_floor"]
     beside = f" (noise floor {number(floor)} m/s)" if floor is not None and floor == floor else ""
     many = "terms" if len(terms) > 1 else "term"
-    fall = f"the held-out error {SearchSettings().change(error['before'], error['after'], floor, speed)}{beside}"
+    fall = f"the held-out error {settings.change(error['before'], error['after'], floor, speed)}{beside}"
     same = [name for one in terms for name in one["indistinguishable_from"]]
     doubt = [f"These data cannot tell it from {listed(same[:MOST_SAID])}."] if same else []
     ended = f"The search for terms ended at max_terms = {found['limit']}, although the error exceeds the noise; "
@@ -118,7 +119,7 @@ def sized(term: Mapping) -> str:
     return f"a = {number(a['value'])} ± {number(a['std'], 1)}" if a["std"] is not None else f"a {bounded(a)}"
 
 
-def text_of(proposal: Proposal) -> str:
+def text_of(proposal: Proposal, settings: SearchSettings) -> str:
     """The text of the effect file, with the results of the critique."""
     found = [
         f"Found: {one.term.name}: {sized({'parameters': {'a': proposal.fitted.content(f'{one.term.name}.a')}})}, "
@@ -126,7 +127,7 @@ def text_of(proposal: Proposal) -> str:
         for one in proposal.terms
     ]
     before, after = proposal.before.error.mean(), proposal.after.error.mean()
-    change = SearchSettings().change(float(before), float(after), proposal.after.floor, speed)
+    change = settings.change(float(before), float(after), proposal.after.floor, speed)
     found.append(f"With it the held-out error {change}.")
     return source([one.term for one in proposal.terms], "\n".join(found))
 
@@ -138,9 +139,9 @@ def proposal_path(folder: str | Path) -> Path:
     return outside.with_name(f"{folder.name}_proposal.py")
 
 
-def write_source(proposal: Proposal, path: Path) -> Path:
+def write_source(proposal: Proposal, path: Path, settings: SearchSettings) -> Path:
     """Write the effect file; a file with other text, perhaps a user's edits, stays, and another name is taken."""
-    text = text_of(proposal)
+    text = text_of(proposal, settings)
     for i in range(1, MOST_NAMES):
         free = path if i == 1 else path.with_name(f"{path.stem}_{i}.py")
         if not free.exists() or free.read_text(encoding="utf-8", errors="replace") == text:

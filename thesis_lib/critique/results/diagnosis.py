@@ -133,7 +133,8 @@ def diagnosis(critique: DropsCritique, rng: np.random.Generator, rungs: pd.DataF
     content["laws"][discovery.base]["interval"] = content["error"]["base_interval"]
     if added := contents():
         content["additions"] = added
-    content |= {"headline": headline(content), "summary": summary(content)}
+    settings = critique.settings
+    content |= {"headline": headline(content, settings), "summary": summary(content, settings)}
     # six digits are too few for dates and clocks
     return six_digits(content) | {"reference": critique.training.rig.reference.content(critique.space)}
 

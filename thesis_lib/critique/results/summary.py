@@ -43,30 +43,30 @@ UNRECORDED = (
 MUCH_LEFT_OUT = 0.2  # share of the impacts; if more are left out, the summary mentions it
 
 
-def headline(content: Mapping) -> list[str]:
-    """Sentences on the verdict and its data alone, for places with little room."""
-    return [*faults(content), _judged(content)[0], *_of_which_data(content)]
+def headline(content: Mapping, settings: SearchSettings) -> list[str]:
+    """Sentences on the verdict and its data alone, for places with little room; arguments as for `summary`."""
+    return [*faults(content), _judged(content, settings)[0], *_of_which_data(content)]
 
 
 def _of_which_data(content: Mapping) -> list[str]:
     return [*content.get("remarks", ()), *_low_pass(content), *much_left_out(content)]
 
 
-def summary(content: Mapping) -> list[str]:
-    """All sentences of the summary; `content` is diagnosis.json without it."""
+def summary(content: Mapping, settings: SearchSettings) -> list[str]:
+    """All sentences of the summary; `content` is diagnosis.json without it, `settings` those of the critique."""
     found = effects_found(content)
     more = [*map(stands_in, [e for e in found if e["stand_in"]]), *said([e for e in found if not e["stand_in"]])]
     more += [*map(at_its_end, filter(is_at_end, found)), *map(rejected, content["rejected"])]
     more += [*_friction(content), *_contact_time(content), *switched_on(content), *_origins(content)]
     more += [*worst(content["error"]), *above_noise(content)]
-    first = [*faults(content), *_judged(content), *_of_which_data(content)]
+    first = [*faults(content), *_judged(content, settings), *_of_which_data(content)]
     return [*first, *more, *search_ended(content["search"], "critique.settings")]
 
 
-def _judged(content: Mapping) -> list[str]:
+def _judged(content: Mapping, settings: SearchSettings) -> list[str]:
     """The verdict in a sentence, and what to do."""
     of_verdict = {"adequate": _adequate, "effects": _effects, "unexplained": _unexplained}
-    first, *others = of_verdict[content["verdict"]](content)
+    first, *others = of_verdict[content["verdict"]](content, _fall(content, settings))
     return [first[0].upper() + first[1:], *others]
 
 
@@ -117,7 +117,7 @@ def much_left_out(content: Mapping) -> list[str]:
     return [f"{100 * share:.0f} % of the detected impacts were left out ({why}), so {said} for the others only.", *bent]
 
 
-def _adequate(content: Mapping) -> list[str]:
+def _adequate(content: Mapping, _: str) -> list[str]:
     error, law = content["error"], _law(content, "base_model")
     most = " for most impacts" if error["worst"] else ""
     if effects_found(content, clears=False):
@@ -136,9 +136,9 @@ def _adequate(content: Mapping) -> list[str]:
     ]
 
 
-def _effects(content: Mapping) -> list[str]:
+def _effects(content: Mapping, fall: str) -> list[str]:
     law, then, found = _law(content, "base_model"), _law(content, "augmented_model"), effects_found(content)
-    physics, fall = [e for e in found if not is_fault(e)], _fall(content, found)
+    physics = [e for e in found if not is_fault(e)]
     if physics:
         many = any(len(e["indistinguishable_from"]) > NAMED for e in physics)
         lacks = "leaves something out, but these data do not show what" if many else "leaves out"
@@ -161,7 +161,7 @@ def _effects(content: Mapping) -> list[str]:
     return [first, "The next experiment describes how to tell the named candidates apart."]
 
 
-def _unexplained(content: Mapping) -> list[str]:
+def _unexplained(content: Mapping, fall: str) -> list[str]:
     error, remaining, found = content["error"], content["remaining"], effects_found(content)
     physics = [named(e) for e in found if not is_fault(e) and not e["stand_in"]]
     replaced = [EFFECTS[e["name"]].title for e in found if e["stand_in"]]
@@ -169,7 +169,7 @@ def _unexplained(content: Mapping) -> list[str]:
     if found:
         besides = listed(physics) or ("that fault" if any(map(is_fault, found)) else "")
         taken = f"with {listed(replaced)} as a stand-in" if len(replaced) == len(found) else _with(content, found)
-        beyond = f"{besides and f' beyond {besides}'}; {taken} {_fall(content, found)}"
+        beyond = f"{besides and f' beyond {besides}'}; {taken} {fall}"
     if remaining.get("elsewhere") and not remaining["structured"]:
         besides = f" with {listed([named(e) for e in found])}" if found else ""
         model, left = _law(content, "augmented_model"), f"{speed(error['augmented'])}{_floor(error)}"
@@ -285,12 +285,11 @@ def _with(content: Mapping, found: Sequence[Mapping]) -> str:
     return taken if law == then else f"{taken}, and {then} as the law,"
 
 
-def _fall(content: Mapping, found: Sequence[Mapping]) -> str:
+def _fall(content: Mapping, settings: SearchSettings) -> str:
     """Clause on the change of the held-out errors, material changes first."""
     error = content["error"]
-    settings = SearchSettings()
     ends = f"{settings.change(error['base'], error['augmented'], error['noise_floor'], speed)}{_floor(error)}"
-    shown = {channel for effect in found for channel in effect["material_in"]}
+    shown = {channel for effect in effects_found(content) for channel in effect["material_in"]}
     falls = [
         f"of {CHANNELS[name].short} {settings.change(m['base'], m['augmented'], 1.0, '{:.3g}'.format)}"
         for name in CHANNELS
