@@ -103,6 +103,19 @@ def test_most_hits_are_found_at_their_instants_and_the_others_have_a_reason(toss
     assert 0 < longer < default == len(tossed.found)
 
 
+def test_a_hit_at_the_end_of_its_trial_is_not_called_a_second_hit(tossed):
+    """Trials that end two frames after their second hit, if this is far from the first."""
+    hits = tossed.true[tossed.true.groupby("trial").cumcount() == 1].set_index("trial")["t"]
+    late = hits - tossed.true.groupby("trial")["t"].min()
+    ends = hits[late > 0.1] + 2.5 / 240.0
+    table = tossed.dataset.trajectories
+    table = table[table["t"] < table["trial"].map(ends)]
+    cut = type(tossed.dataset)("drops", tossed.dataset.header, table)
+    out = observe_in_space(cut, episodes=False).found.left_out
+    reasons = out[(out["impact"] == 1) & (out["t"] > out["trial"].map(ends) - 3.0 / 240.0)]["reason"]
+    assert len(reasons) > 5 and set(reasons) == {"window_too_short"}
+
+
 def test_noise_that_is_not_stated_is_found(tossed):
     header = tossed.dataset.header.model_copy(update={"noise": None})
     other = observe_in_space(type(tossed.dataset)("drops", header, tossed.dataset.trajectories), episodes=False)

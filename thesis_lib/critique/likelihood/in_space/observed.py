@@ -41,11 +41,13 @@ SURE = 3.0  # standard errors for a significant push of the surface
 
 @dataclass(frozen=True)
 class HitWindows:
-    """Samples before and after n hits: `reason` (n,) why a hit cannot be used ("" if it can); for the m `rows` of hits
-    with enough samples, the numbers `index` (m, W) of the samples, their poses (m, W, 7), times `tau` (m, W) in s from
-    the hit, the mask `used` (m, 2, W), and the fitted lines."""
+    """Samples before and after n hits: `reason` (n,) why a hit cannot be used ("" if it can); `at_end` (n,) whether its
+    samples are too few because the trial, not another hit, is near; for the m `rows` of hits with enough samples, the
+    numbers `index` (m, W) of the samples, their poses (m, W, 7), times `tau` (m, W) in s from the hit, the mask `used`
+    (m, 2, W), and the fitted lines."""
 
     reason: np.ndarray
+    at_end: np.ndarray
     rows: np.ndarray
     index: np.ndarray
     pose: np.ndarray
@@ -59,20 +61,27 @@ class HitWindows:
     ) -> "HitWindows":
         at, side, windows = found.at, found.side, found.windows
         reason = np.full(len(at), "", object)
-        near = np.r_[False, windows.same_trial] | np.r_[windows.same_trial, False] if len(at) else np.zeros(0, bool)
-        short = side.sum(2).min(1) < settings.min_window_in_space
-        reason[short] = np.where(near[short], "second_hit", "window_too_short")
+        beside = np.stack([np.r_[False, windows.same_trial], np.r_[windows.same_trial, False]], axis=1)[: len(at)]
+        few = side.sum(2) < settings.min_window_in_space
+        short, at_end = few.any(1), few.any(1) & ~(few & beside).any(1)
+        # `second_hit` marks candidates for episodes, which a hit at an end of its trial is, too
+        reason[short] = np.where(beside.any(1), "second_hit", "window_too_short")[short]
         rows, reach = np.flatnonzero(reason == ""), np.arange(-settings.max_window, settings.max_window + 2)
         index = np.clip(at[rows, None] + reach, 0, len(found.samples) - 1)
         pose, tau = np.moveaxis(recording.states.pose[:, index], 0, -1), windows.t[rows] - found.t[rows, None]
         used = side[rows] > 0.0
         fitted = fit_windows(pose, tau, used, np.asarray(recording.rig.tensor), noise)
-        return cls(reason, rows, index, pose, tau, used, fitted)
+        return cls(reason, at_end, rows, index, pose, tau, used, fitted)
 
     @property
     def usable(self) -> np.ndarray:
         """Mask (m,) of hits without a reason."""
         return self.reason[self.rows] == ""
+
+    @property
+    def reported(self) -> np.ndarray:
+        """Reasons (n,) for the user."""
+        return np.where(self.at_end & (self.reason == "second_hit"), "window_too_short", self.reason)
 
     def leave_out(self, which: np.ndarray, why: str) -> None:
         """Set the reason `why` for the hits in the mask `which` (m,) that do not have a reason yet."""
@@ -246,7 +255,7 @@ class Observed:
         found, rows, sigma = self.found, windows.rows[kept], np.repeat(np.sqrt(self.grown), 6)
         detected = between_samples(recording.states, recording.samples, found.at, found.instant)
         jump_of = jumps(self.poses, self.table, self.nearby)
-        reason, impact, header = windows.reason, ordinals(found.trial), recording.dataset.in_space
+        reason, impact, header = windows.reported, ordinals(found.trial), recording.dataset.in_space
         supports = ()
         if recording.dataset.has_angle:
             supports = supports_in_space(recording.states, recording.samples, self.hits, recording.rig, self.noise)
