@@ -42,9 +42,9 @@ SURE = 3.0  # standard errors for a significant push of the surface
 @dataclass(frozen=True)
 class HitWindows:
     """Samples before and after n hits: `reason` (n,) why a hit cannot be used ("" if it can); `at_end` (n,) whether its
-    samples are too few because the trial, not another hit, is near; for the m `rows` of hits with enough samples, the
-    numbers `index` (m, W) of the samples, their poses (m, W, 7), times `tau` (m, W) in s from the hit, the mask `used`
-    (m, 2, W), and the fitted lines."""
+    samples are too few because an end of the trial, not another hit, is near; for the m `rows` of hits with enough
+    samples, the numbers `index` (m, W) of the samples, their poses (m, W, 7), times `tau` (m, W) in s from the hit, the
+    mask `used` (m, 2, W), and the fitted lines."""
 
     reason: np.ndarray
     at_end: np.ndarray
@@ -64,7 +64,7 @@ class HitWindows:
         beside = np.stack([np.r_[False, windows.same_trial], np.r_[windows.same_trial, False]], axis=1)[: len(at)]
         few = side.sum(2) < settings.min_window_in_space
         short, at_end = few.any(1), few.any(1) & ~(few & beside).any(1)
-        # `second_hit` marks candidates for episodes, which a hit at an end of its trial is, too
+        # `second_hit` marks candidates for episodes, which include hits at an end of their trial
         reason[short] = np.where(beside.any(1), "second_hit", "window_too_short")[short]
         rows, reach = np.flatnonzero(reason == ""), np.arange(-settings.max_window, settings.max_window + 2)
         index = np.clip(at[rows, None] + reach, 0, len(found.samples) - 1)
