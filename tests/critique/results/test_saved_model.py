@@ -137,6 +137,10 @@ def test_bodies_that_do_not_touch_are_told(states):
         model_with().predict(states)
     with pytest.warns(UserWarning, match=r"In 46 of 50 row.*row 1 by −2 m"):
         model_with(**{"surface_height.h": 2.0}).predict(states)
+    model = model_with()
+    between = model.model_copy(update={"rig": model.rig.model_copy(update={"gravity": 0.0, "walls": (FLOOR,)})})
+    with pytest.warns(UserWarning, match=r"In 4 of 50 row.*away from \(\+\) or inside \(−\) the wall.*row 2 by \+2 m"):
+        between.predict(states)
 
 
 CAMERA_AND_BODY = {

@@ -210,10 +210,12 @@ class SavedModel(Section):
         if len(far := np.flatnonzero(np.abs(gap) > limit)):
             rows = [f"row {i + 1} by {formatted(gap[i], '+.3g')} m" for i in far[:MOST_ROWS]]
             more = [f"{len(far) - MOST_ROWS} more"] * (len(far) > MOST_ROWS)
+            off = f"the lowest point of the body is more than {limit:.2g} m above (+) or below (−) the surface"
+            if self.rig.walls:
+                off = f"the body is more than {limit:.2g} m away from (+) or inside (−) the wall that it would hit"
             say(
-                f"{prefix}In {len(far)} of {len(gap)} row(s) the lowest point of the body is more than "
-                f"{limit:.2g} m above (+) or below (−) the surface: {listed([*rows, *more])}. Predictions hold "
-                "for bodies that touch it."
+                f"{prefix}In {len(far)} of {len(gap)} row(s) {off}: {listed([*rows, *more])}. Predictions hold for "
+                "bodies that touch it."
             )
         status = np.where(approaches, "ok", "not_approaching")
         status = np.where(np.isfinite(after).all(axis=1), status, "no_solution")
