@@ -147,7 +147,9 @@ def test_the_help_of_rollout_explains_each_row_that_it_prints():
 
 def test_effects_and_figures_are_json(capsys, monkeypatch):
     monkeypatch.chdir(ROOT)
-    assert {"name", "equation", "equation_in_space", "parameters"} <= told(["effects", "--json"], capsys)[0].keys()
+    listed = {effect["name"]: effect for effect in told(["effects", "--json"], capsys)}
+    assert {"name", "equation", "equation_in_space", "parameters"} <= listed["lens"].keys()
+    assert [p["name"] for p in listed["com_offset"]["parameters_in_space"]] == ["c_x", "c_y", "c_z"]
     figures = told(["figures", "--json"], capsys)
     assert len({figure["figure"] for figure in figures}) == len(figures) > 40
     one = told(["figures", "3-8", "--json", "--results", "nowhere"], capsys)

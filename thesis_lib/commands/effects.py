@@ -15,6 +15,7 @@ from thesis_lib.foundation.command_line import FAILED, Parser, command
 from thesis_lib.foundation.errors import UserError
 
 if TYPE_CHECKING:
+    from thesis_lib.effects.effect import Parameter
     from thesis_lib.extensions.contract import CheckResult
 
 DESCRIPTION = """\
@@ -141,14 +142,11 @@ def effects_text() -> str:
             lines.append(family.replace("_", " "))
         needs = " (needs trajectories)" if effect.needs_trajectories else ""
         lines += [f"  {effect.name}: {effect.title}{needs}", f"      {effect.equation}"]
+        lines += [f"      {_bounds(p)}" for p in effect.parameters]
         if effect.equation_in_space:
             lines.append(f"      in space: {effect.equation_in_space}")
-        for p in effect.parameters:
-            unit = "" if p.unit == "1" else f" {p.unit}"
-            if p.discrete is not None:
-                lines.append(f"      {p.name}: {p.null:g} or {p.discrete:g}")
-            else:
-                lines.append(f"      {p.name}: {p.low:g} to {p.high:g}{unit}, absent at {p.of or format(p.null, 'g')}")
+        if effect.own_in_space:
+            lines += [f"      {_bounds(p)}" for p in effect.own_in_space]
         if effect.reference:
             lines.append(f"      source: {effect.reference}")
         if origin := origin_of("effect", effect.name):
@@ -157,16 +155,28 @@ def effects_text() -> str:
     return "\n".join(lines)
 
 
+def _bounds(p: "Parameter") -> str:
+    """Name, bounds, unit and null of a parameter."""
+    if p.discrete is not None:
+        return f"{p.name}: {p.null:g} or {p.discrete:g}"
+    unit = "" if p.unit == "1" else f" {p.unit}"
+    return f"{p.name}: {p.low:g} to {p.high:g}{unit}, absent at {p.of or format(p.null, 'g')}"
+
+
 def effects_json() -> str:
     """The list of `effects_text` as JSON."""
     from thesis_lib.effects import EFFECTS
+    from thesis_lib.effects.effect import parameters_in
     from thesis_lib.extensions.registry import origin_of
+    from thesis_lib.mechanics.space import SPACE
 
     keys = ("name", "family", "title", "equation", "equation_in_space", "needs_trajectories", "reference")
     listed = []
     for effect in EFFECTS.values():
         entry = {key: getattr(effect, key) for key in keys}
+        in_space = parameters_in(effect, SPACE) if SPACE.dimension in effect.dimensions else ()
         entry |= {"parameters": [vars(p) for p in effect.parameters], "channels": list(effect.channels)}
+        entry["parameters_in_space"] = [vars(p) for p in in_space]
         if origin := origin_of("effect", effect.name):
             entry["origin"] = origin.content()
         listed.append(entry)
