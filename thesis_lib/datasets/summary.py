@@ -238,7 +238,7 @@ def _detection_lines(part: dict, stated: dict, given: bool) -> list[str]:
         f"  flags     {flagged}",
     ]
     if part["glitches"]:
-        lines.append(f"  glitches  {part['glitches']} samples, treated as lost frames")
+        lines.append(f"  glitches  {plural(part['glitches'], 'sample')}, treated as lost frames")
     source = {"arcs": "the arcs", "differences": "third differences", "header": "dataset.yaml"}
     shares = [
         f"{name} {'unknown' if value is None else f'{value:.3g} {unit}'}"
