@@ -139,6 +139,8 @@ def test_single_sample_glitch_is_masked_and_reported(flights: Flights, found: Fo
     injected = set(zip(flights.trial[index], np.round(flights.t[index] / 0.004)))
     assert len(injected & reported) >= 0.95 * len(injected)
     assert any("glitches" in text for text in other.warnings)
+    *_, one = noise.noise_warnings(found.noise, found.noise.sigma, other.glitches[:1], ArcSettings())
+    assert one.startswith("1 single sample in 1 trial treated as lost frames")
 
 
 @pytest.mark.slow

@@ -243,5 +243,9 @@ def test_bodies_that_are_held_first_or_caught_are_named_with_the_time(tmp_path, 
     said = capsys.readouterr().out
     assert "4 trials begin before the release of the body (trial 0 until" in said and ", trial 3 until" in said
     assert (
-        "10 end in the air: caught, out of view, or beyond the table's edge (trial 0 at" in said and "5 more)" in said
+        "10 trials end in the air: caught, out of view, or beyond the table's edge (trial 0 at" in said
+        and "5 more)" in said
     )
+    folder = write(tmp_path / "caught", header(), trajectories=frame)
+    assert main(["check", str(folder)]) == 0
+    assert "releases    10 trials end in the air" in capsys.readouterr().out

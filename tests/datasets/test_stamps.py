@@ -19,6 +19,7 @@ LATE = 2e-3  # s, mean of the delays; half a period
 SHIFT = 0.3e-3  # s; a trial's rows move together by its least delay, which is LATE over the number of rows
 MISPLACED = 1e-3  # share of rows that are late by a whole interval beside a loss, or before the end of a trial
 CLOSE = 2e-4  # relative; a mean of 100 slopes through 150 rows each has 1e-4
+OF_A_LOG = 5e-4  # relative; 0.3 ms over 0.6 s, since all trials of `fly` are rounded alike
 
 
 def arrival(t: np.ndarray, trial: np.ndarray, rng: np.random.Generator, late: float = LATE) -> np.ndarray:
@@ -124,6 +125,18 @@ def test_equal_stamps_of_a_planar_log_are_put_apart(tmp_path, flights: Flights) 
     made = convert([tmp_path / "log.csv"], "out", RigOptions(flights.header.body.shape), Reading())
     assert any("those of arrival" in note for note in made.notes) and made.dataset.trajectories is not None
     assert np.abs(made.dataset.trajectories["t"] - flights.t).max() < SHIFT
+
+
+@pytest.mark.parametrize("rate", [120.0, 240.0, 300.0])
+@pytest.mark.parametrize("lost", [0.0, 0.05])
+def test_rate_of_a_planar_log_in_milliseconds_is_that_of_the_camera(tmp_path, rate: float, lost: float) -> None:
+    """A median step reads 125, 250 and 333 Hz; the picture numbers that follow hide two thirds of the impacts."""
+    made = fly(ellipse_header(rate=rate), np.random.default_rng(5), 60, samples=int(0.6 * rate))
+    kept = np.random.default_rng(1).random(len(made.t)) > lost
+    columns = np.c_[made.trial, np.round(made.t, 3), made.q][kept]
+    pd.DataFrame(columns, columns=["trial", "t", "x", "y", "theta"]).to_csv(tmp_path / "log.csv", index=False)
+    read = convert([tmp_path / "log.csv"], "out", RigOptions(made.header.body.shape), Reading()).dataset
+    assert read.rate == pytest.approx(rate, rel=OF_A_LOG)
 
 
 def test_pictures_that_were_taken_at_odd_times_stay_where_they_are() -> None:

@@ -90,7 +90,12 @@ def test_a_long_contact_is_not_called_a_filter(contact_time: float):
 
 
 @pytest.mark.parametrize(
-    ("touch_time", "told"), [(0.5e-3, "Corners at impacts are rounded"), (6e-3, "Contacts last about 12 ms")]
+    ("touch_time", "told"),
+    [
+        (0.5e-3, "Corners at impacts are rounded"),
+        (1.8e-3, "Contacts last about 3.6 ms. "),  # shorter than a sampling interval
+        (6e-3, "Contacts last about 12 ms, several samples. "),
+    ],
 )
 def test_rounding_is_a_filter_or_a_long_contact(touch_time: float, told: str):
     (text,) = rounding_warning(0.012, 1e-3, touch_time, 4e-3, None)

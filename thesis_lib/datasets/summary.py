@@ -145,14 +145,14 @@ def summary_text(dataset: Dataset, detection: FoundImpacts | None = None, hits: 
         fall = "" if part["fall"] is None else ", which fall by ({:.3g}, {:.3g}, {:.3g}) m/s²".format(*part["fall"])
         lost = f"orientation lost in {part['lost_orientation']:.1%} of the samples, jumps at {part['jumps']:.1%}"
         lines.append(f"flights     {part['flights']}{fall}; {lost}")
-        if part["held"] or part["in_the_air"]:
-            held, caught = _named(part["held_until"].items(), "until"), _named(part["in_the_air_at"].items(), "at")
-            begin, end = (f"{word}{'s' * (part[key] == 1)}" for word, key in (("begin", "held"), ("end", "in_the_air")))
-            lines += [
-                f"releases    {plural(part['held'], 'trial')} {begin} before the release of the body{held}",
-                f"  ends      {part['in_the_air']} {end} in the air: caught, out of view, or beyond the table's edge"
-                f"{caught}",
-            ]
+        held, caught = _named(part["held_until"].items(), "until"), _named(part["in_the_air_at"].items(), "at")
+        begin, end = (f"{word}{'s' * (part[key] == 1)}" for word, key in (("begin", "held"), ("end", "in_the_air")))
+        releases = {
+            "held": f"{begin} before the release of the body{held}",
+            "in_the_air": f"{end} in the air: caught, out of view, or beyond the table's edge{caught}",
+        }
+        said = [f"{plural(part[key], 'trial')} {text}" for key, text in releases.items() if part[key]]
+        lines += [f"{head:<12}{text}" for head, text in zip(("releases", ""), said)]
     if (part := facts.get("impacts")) is not None:
         lines.append(
             f"impacts     {part['rows']}; contact points {part['contact_points']}; "
@@ -238,7 +238,7 @@ def _detection_lines(part: dict, stated: dict, given: bool) -> list[str]:
         f"  flags     {flagged}",
     ]
     if part["glitches"]:
-        lines.append(f"  glitches  {part['glitches']} samples, treated as lost frames")
+        lines.append(f"  glitches  {plural(part['glitches'], 'sample')}, treated as lost frames")
     source = {"arcs": "the arcs", "differences": "third differences", "header": "dataset.yaml"}
     shares = [
         f"{name} {'unknown' if value is None else f'{value:.3g} {unit}'}"

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from thesis_lib.critique.likelihood.in_space.hits import beside, observe_in_space
+from thesis_lib.critique.likelihood.in_space.lag import lag_warning
 from thesis_lib.simulate.tosses.drawn import NOTHING, SpaceCase, make
 from thesis_lib.simulate.tosses.drawn_in_worlds import WorldsCase
 from thesis_lib.simulate.tosses.example import simulate_tosses
@@ -111,3 +112,17 @@ def test_attitudes_that_come_late_are_taken_later_and_add_no_noise(lag):
     assert nearest[0] < 3e-3 and nearest[1] < 6e-3  # half a frame, and one more beside a hit
     spread = [np.sqrt(np.median(np.einsum("nsii->nsi", o.cov)[:, 0, [1, 7]], axis=0)) for o in (plain, late)]
     assert np.all(spread[1] < 2.0 * spread[0]) and len(late) > 0.9 * len(plain)  # velocity and spin
+
+
+def test_a_small_lead_of_attitudes_is_put_down_to_long_contacts() -> None:
+    (long,) = lag_warning(-1.1e-3, 4e-3, shifted=True)
+    assert "1.1 ms ahead of positions. Contacts of about 4 ms can cause that" in long and "shifted" in long
+    for lag, lasts in ((-1.1e-3, 2e-3), (-4e-3, 4e-3), (1.1e-3, 4e-3)):  # short contacts, a long lead, and a lag
+        (said,) = lag_warning(lag, lasts, shifted=False)
+        assert "as if they had a separate clock" in said and "shifted" not in said
+
+
+@pytest.mark.slow
+def test_long_contacts_are_no_second_clock() -> None:
+    found = observe_in_space(simulate_tosses("box", drops=20, seed=37, contact_time=5e-3), episodes=False).found
+    assert all("clock" not in text for text in found.warnings) and "Contacts of about" in found.warnings[0]

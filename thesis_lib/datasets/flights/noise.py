@@ -24,6 +24,7 @@ from thesis_lib.datasets.flights.colour import long_flights, slope_variance
 from thesis_lib.datasets.format.header import Header
 from thesis_lib.datasets.format.samples import ArcSettings, Samples
 from thesis_lib.statistics.spread import robust_std
+from thesis_lib.statistics.wording import plural
 
 SIGMA_FLOOR = np.array([1e-7, 1e-7, 1e-6])  # m, m, rad: avoids division by zero for noise-free (simulated) data
 _MIN_ARCS = 6  # fewer arcs do not determine the noise; third differences are used instead
@@ -296,7 +297,7 @@ def noise_warnings(
         )
     if len(glitches):
         sentences.append(
-            f"{len(glitches)} single samples in {glitches['trial'].nunique()} trials stand out like tracking "
-            "glitches and were treated as lost frames."
+            f"{plural(len(glitches), 'single sample')} in {plural(glitches['trial'].nunique(), 'trial')} treated as "
+            "lost frames: off their neighbours, like tracking glitches."
         )
     return tuple(sentences)

@@ -216,7 +216,8 @@ def rounding_warning(
     elif least > _CONTACT * touch_time:
         why = f"Corners at impacts are rounded further than {contacts} reach, as if the samples were smoothed."
     else:
-        why = f"Contacts last about {2e3 * touch_time:.2g} ms, several samples."
+        several = ", several samples" if touch_time > interval else ""
+        why = f"Contacts last about {2e3 * touch_time:.2g} ms{several}."
     return (f"{why} Samples within {1e3 * guard:.3g} ms of an impact belong to no flight and are not used.",)
 
 

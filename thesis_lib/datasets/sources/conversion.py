@@ -146,15 +146,29 @@ def _axis(direction: np.ndarray) -> str:
 
 
 def long_period(t: np.ndarray, piece: np.ndarray) -> float:
-    """Median sampling period in s, refined over longer and longer spans of rows, each counted in the last estimate."""
+    """Sampling period in s; NaN without steps.
+
+    A median step, then means over longer and longer spans of rows, each counted in the last estimate.
+    """
     period = 0.0
     for span in 2 ** np.arange(2, 16):
         step = (t[span:] - t[:-span])[piece[span:] == piece[:-span]]
         if period and len(step) < PART:
             break
-        steps = np.maximum(np.round(step / period), 1.0) if period else float(span)
-        period = float(np.median(step / steps)) if len(step) else float(np.median(np.diff(t)))
+        if period:
+            period = float(step.sum() / np.maximum(np.round(step / period), 1.0).sum())
+        else:
+            period = float(np.median(step)) / span if len(step) else median_step(pd.DataFrame({"trial": piece, "t": t}))
     return period
+
+
+def _rate(rig: RigOptions, t: np.ndarray, piece: np.ndarray) -> float | None:
+    """Sampling rate in Hz: as stated, else of times `t` (n,) in s within the recordings `piece` (n,); None if unknown.
+
+    Single steps do not show it, because time stamps may have few digits.
+    """
+    period = np.nan if rig.rate is not None else long_period(t, piece)
+    return float(f"{1.0 / period:.6g}") if period > 0.0 else rig.rate
 
 
 @dataclass
@@ -188,7 +202,7 @@ def as_dataset(
     if wrapped := int(np.sum(before != poses["theta"].to_numpy())):
         notes.append(f"theta made continuous within trials ({wrapped} rows moved by whole turns)")
 
-    lamina, step = rig.shape.radius_of_gyration, median_step(poses)
+    lamina = rig.shape.radius_of_gyration
     body: dict = {"shape": rig.shape, "mass": rig.mass, "radius_of_gyration": rig.radius}
     if rig.size_uncertainty is not None:
         body |= {"homogeneous": True, "uncertainty": {"size": rig.size_uncertainty}}
@@ -202,7 +216,7 @@ def as_dataset(
         "body": body,
         **({"surfaces": rig.walls} if rig.walls else {"surface": {"height": rig.surface_height or 0.0}}),
         "gravity": rig.g,
-        "rate": rig.rate if rig.rate is not None else (float(f"{1.0 / step:.6g}") if step > 0 else None),
+        "rate": _rate(rig, poses["t"].to_numpy(), poses["trial"].to_numpy()),
     }
     return Dataset(name, _validated(Header, content), poses, has_angle=has_angle)
 
@@ -225,8 +239,6 @@ def solid_dataset(recorded: Recorded, up: np.ndarray, found: TrackedFrame | None
     point, normal = (rig.surface_height or 0.0) * up, up
     if found is not None and rig.surface_height is None:
         point, normal = found.point, found.normal
-    # over many steps, because the time stamps of a long recording may have few digits
-    rate = float(f"{1.0 / long_period(motion.t, recorded.piece):.6g}") if len(motion) > 1 else None
     content = {
         "schema": 2,
         "description": _description(recorded.files),
@@ -234,7 +246,7 @@ def solid_dataset(recorded: Recorded, up: np.ndarray, found: TrackedFrame | None
         **({} if found is None else {"tracked": found.tracked}),
         "surface": {"point": tuple(point), "normal": tuple(normal)},
         "gravity": tuple(-rig.g * up),
-        "rate": rig.rate if rig.rate is not None else rate,
+        "rate": _rate(rig, motion.t, recorded.piece),
     }
     return Dataset(recorded.name, _validated(SpaceHeader, content))
 

@@ -22,6 +22,7 @@ FEWEST = 6  # hits needed to determine a lag
 SUREST, ENOUGH = 0.2, 12  # fraction of the hits, with the best known changes of spin, and their sufficient number
 SURE = 3.0  # standard errors by which a lag is significant
 LATE, REST = 1e-3, 3e-4  # s, least lags; arcs bent by air or a tilt meet about 0.2 ms from the hit
+EARLY = 0.4  # share of a contact by which the spin may change earlier than the velocity; simulated ones reach 0.3
 LASTING = (0.12, 0.16, 0.22)  # s, pieces of flight, in which a body must turn; hits end them
 SHORTEST, FEWEST_PIECES = 10, 25  # least samples of a piece, and pieces without a hit
 FLIES = 0.5  # fraction of gravity by which the apparent acceleration of a free body may differ
@@ -103,13 +104,16 @@ def lag_of_attitudes(fitted: SideLines, least: float = LATE) -> float:
     return middle if abs(middle) > max(SURE * error, least) else 0.0
 
 
-def lag_warning(lag: float) -> tuple[str, ...]:
-    """Sentence for the user on a `lag` in s of attitudes behind positions; empty without a lag."""
+def lag_warning(lag: float, lasts: float, shifted: bool) -> tuple[str, ...]:
+    """Sentences for the user on a `lag` in s of attitudes behind positions; empty without a lag.
+
+    `lasts`: s, apparent duration of contacts; `shifted`: whether the detection corrects the lag.
+    """
     if not lag:
         return ()
-    where = "behind" if lag > 0.0 else "ahead of"
-    return (
-        f"At hits orientations come {1e3 * abs(lag):.2g} ms {where} positions, as if they had a separate clock or "
-        "filter. Hits and flights are detected with orientations shifted to the instants of positions; models are "
-        "compared at the times in the file.",
-    )
+    where, cause = "behind" if lag > 0.0 else "ahead of", ", as if they had a separate clock or filter."
+    if 0.0 < -lag < EARLY * lasts:
+        cause = f". Contacts of about {1e3 * lasts:.2g} ms can cause that, because friction acts early in them."
+    done = " Hits and flights are detected with orientations shifted to the instants of positions; models are compared "
+    done = f"{done}at the times in the file." if shifted else ""
+    return (f"At hits orientations come {1e3 * abs(lag):.2g} ms {where} positions{cause}{done}",)

@@ -217,8 +217,8 @@ class Observed:
     @property
     def warnings(self) -> tuple[str, ...]:
         """Sentences for the user."""
-        recording = self.recording
-        warnings = (*recording.warnings, *lag_warning(sum(recording.known.lags) + self.lag))
+        recording, lags = self.recording, self.recording.known.lags
+        warnings = (*recording.warnings, *lag_warning(sum(lags) + self.lag, 2.0 * self.lasting, bool(lags)))
         if self.rounded and recording.soft is None:
             guards = self.settings.guard, recording.known.guard
             warnings += rounding_warning(*guards, self.lasting, recording.interval, self.low_pass)
