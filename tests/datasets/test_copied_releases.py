@@ -12,16 +12,17 @@ from thesis_lib.datasets.checks.copied_releases import copied_releases
 RATE, NOISE = 240.0, 2e-4
 
 
-def releases(trials: int, rng: np.random.Generator, alike: bool = False, noise: float = NOISE) -> pd.DataFrame:
-    """Points that fall from some 0.3 m and bounce: trial, t, x, y, z; `alike`: all from the same height."""
+def releases(trials: int, rng: np.random.Generator, alike: bool = False, irregular: float = 0.0) -> pd.DataFrame:
+    """Points that fall from some 0.3 m and bounce: trial, t, x, y, z; `alike`: all from the same height; `irregular`
+    is the standard deviation of the frames' instants, in frames."""
     parts = []
     for trial in range(trials):
-        t = np.arange(140) / RATE
+        t = (np.arange(140) + irregular * rng.standard_normal(140)) / RATE
         height = 0.3 if alike else rng.uniform(0.2, 0.4)
         hit = np.sqrt(2.0 * height / 9.81)
         up = 9.81 * hit * (0.6 if alike else rng.uniform(0.4, 0.7))
         z = np.where(t < hit, height - 4.905 * t**2, up * (t - hit) - 4.905 * (t - hit) ** 2)
-        place = np.stack([0.3 * t, 0.1 * trial + 0.0 * t, np.maximum(z, 0.0)]) + noise * rng.standard_normal((3, 140))
+        place = np.stack([0.3 * t, 0.1 * trial + 0.0 * t, np.maximum(z, 0.0)]) + NOISE * rng.standard_normal((3, 140))
         parts.append(pd.DataFrame({"trial": trial, "t": t, **dict(zip("xyz", place))}))
     return pd.concat(parts, ignore_index=True)
 
@@ -57,9 +58,9 @@ def test_a_copy_is_found(change, rng):
     assert found(pd.concat([table, copy], ignore_index=True)) == [(7, 30)]
 
 
-@pytest.mark.parametrize("alike", [False, True])
-def test_independent_releases_are_no_copies(alike, rng):
-    assert found(releases(60, rng, alike)) == []
+@pytest.mark.parametrize("alike, irregular", [(False, 0.0), (True, 0.0), (True, 0.15)])
+def test_independent_releases_are_no_copies(alike, irregular, rng):
+    assert found(releases(60, rng, alike, irregular)) == []
     assert found(releases(1, rng)) == [] and found(releases(0 + 2, rng).groupby("trial").head(20)) == []
 
 
@@ -68,5 +69,5 @@ def test_reading_a_dataset_says_so(rng):
     table = pd.concat([table, moved(table[table["trial"] == 3]).assign(trial=12)], ignore_index=True)
     ball = {"shape": {"kind": "sphere", "radius": 0.03}, "mass": 0.1, "homogeneous": True}
     warnings = dataset_of(header(body=ball, surface=None), trajectories=table).warnings
-    said = "1 releases are copies of others, cut, resampled, mirrored or moved: trial 12 of 3"
+    said = "1 release is a copy of another, cut, resampled, mirrored or moved: trial 12 of 3"
     assert any(said in warning.what for warning in warnings)
