@@ -25,10 +25,13 @@ from dataclasses import replace
 import numpy as np
 
 from thesis_lib.effects.effect import IN_SPACE, Effect, Parameter, vector
-from thesis_lib.mechanics.space import multiplied, of_rotation_vector, rotated
+from thesis_lib.mechanics.space import multiplied, rotated
 
 _PLACE = Parameter("x_0", "m", null=0.0, low=-2.0, high=2.0, scale=0.05, along="x")
-_ROUNDS = 6  # iterations to the axes at the contact point: each multiplies the error by κ r
+_ROUNDS = (
+    6  # most iterations to the axes at the contact point: each multiplies the error by κ r, or ends it at a corner
+)
+_FOUND = 1e-14  # change of a slope by rounding
 _LOWEST = (-0.2, 0.0, 0.2)  # m: places from which a fit may start
 
 
@@ -61,10 +64,8 @@ class CurvedSurface(Effect):
 
     def from_contact(self, state, p, rig):
         if not state.space.is_plane:
-            r, slope = rig.lowest(state), np.zeros((2, len(state)))
-            for _ in range(_ROUNDS):
-                slope = _slope_at(state, rotated(_turn(slope), r), p, rig)
-            return _seen_from(state, slope)
+            r = rig.lowest(state)
+            return _seen_from(state, _found(state, lambda slope: rotated(_turn(slope), r), p, rig)[0])
         return _turned(state, _angle(state, p, rig)[0])
 
     def contact_point(self, r, state, p, rig):
@@ -93,16 +94,23 @@ def _angle(state, p, rig):
 
 def _under(state, p, rig):
     """In space: slope (2, n) of the surface at the contact point, and that point (3, n) from the body origin in m."""
+
+    def lowest(slope):
+        back = multiplied(_turn(-slope), state.attitude)
+        return rotated(_turn(slope), rig.lowest(state.changed(attitude=back)))
+
+    return _found(state, lowest, p, rig)
+
+
+def _found(state, point, p, rig):
+    """In space: slope (2, n) of the surface under a point (3, n) of the body that depends on it, and that point."""
     slope = np.zeros((2, len(state)))
     for _ in range(_ROUNDS):
-        r = rotated(_turn(slope), rig.lowest(_seen_from(state, -slope)))
-        slope = _slope_at(state, r, p, rig)
+        r, before = point(slope), slope
+        slope = p["kappa"] * (state.position[:2] + r[:2] - _lowest(p, rig))
+        if np.abs(slope - before).max(initial=0.0) < _FOUND:
+            break
     return slope, r
-
-
-def _slope_at(state, r, p, rig):
-    """In space: slope (2, n) of the surface under the point r (3, n) of the body, axes of the recording."""
-    return p["kappa"] * (state.position[:2] + r[:2] - _lowest(p, rig))
 
 
 def _lowest(p, rig):
@@ -112,9 +120,11 @@ def _lowest(p, rig):
 
 def _turn(slope):
     """In space: quaternion (4, n) that rotates the vertical into the normal of a surface with this slope."""
-    steep = np.sqrt((slope**2).sum(axis=0))
-    angle = np.divide(np.arctan(steep), steep, out=np.ones_like(steep), where=steep > 0.0)
-    return of_rotation_vector(angle * np.stack([slope[1], -slope[0], np.zeros(len(steep))]))
+    x, y = slope
+    cos = 1.0 / np.sqrt(1.0 + x * x + y * y)
+    half = np.sqrt(0.5 * (1.0 + cos))  # cosine of half the angle
+    share = 0.5 * cos / half
+    return np.stack([half, share * y, -share * x, np.zeros(len(half))])
 
 
 def _seen_from(state, slope):
