@@ -45,7 +45,7 @@ def test_dependencies_are_those_that_the_tests_run_with():
     pinned = dict(re.findall(r"^([\w-]+)==(\S+)$", "\n".join(texts), re.M))
     optional = [text for texts in PROJECT.get("optional-dependencies", {}).values() for text in texts]
     for text in [*PROJECT["dependencies"], *optional]:
-        name, least = text.split(">=")
+        name, least = re.split(">=|~=", text)
         assert pinned[name] == least, f"pyproject.toml asks for {text}, but pinned is {pinned[name]}"
 
 
