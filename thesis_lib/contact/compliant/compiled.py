@@ -24,7 +24,8 @@ NODES, WEIGHTS = np.polynomial.legendre.leggauss(12)
 THIN = 1e-9  # depth over L of a contact that has just begun
 
 compiled = njit(cache=True, error_model="numpy")
-kernel = njit(cache=True, error_model="numpy", _nrt=False)  # allocates nothing, so it counts no references to arrays
+# allocates nothing, so it counts no references to arrays
+kernel = njit(cache=True, error_model="numpy", _nrt=False)  # pyright: ignore[reportCallIssue]
 
 
 @compiled
