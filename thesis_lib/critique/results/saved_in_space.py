@@ -4,15 +4,13 @@ Instead of the planar rig, model.json contains body, tracked frame, surface and 
 predicts rows of an impacts.csv of schema 2: poses and velocities of the tracked frame, in axes of the world.
 """
 
-import warnings
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import ClassVar, Literal
 
 import numpy as np
 import pandas as pd
-from numpy.typing import ArrayLike
 from pydantic import Field, model_validator
 
 from thesis_lib.bodies.mesh import Mesh
@@ -83,31 +81,25 @@ class SavedSpaceModel(SavedModel):
     def believed(self) -> Rig:
         return replace(rig_of(Dataset("", self.rig)), reference=self.rig.reference.believed)
 
-    def predict(
-        self,
-        states: pd.DataFrame | Mapping[str, ArrayLike],
-        source: str = "",
-        say: Callable[[str], None] = warnings.warn,
-    ) -> pd.DataFrame:
+    def _refuse(self, states: pd.DataFrame, prefix: str) -> None:
         """As in the plane; a model with effects on later hits also needs `trial` and `t`, and the first row of a trial
         must be its first hit.
 
         Raises:
             UserError: as in the plane, or an effect depends on how the body has turned since the first frame.
         """
-        prefix = f"{source}: " if source else ""
         for name in self._of_history:
             if name not in OF_LATER_HITS:
                 raise UserError(
                     f"{prefix}This model has the effect {name}, which depends on all frames of a toss before the hit; "
                     "single impacts do not contain these, so model.json cannot predict them."
                 )
-            if missing := [column for column in ("trial", "t") if column not in pd.DataFrame(states)]:
+            if missing := [column for column in ("trial", "t") if column not in states]:
                 raise UserError(
                     f"{prefix}This model has the effect {name}: add the column {missing[0]} to the states, and include "
                     "the first hit of each trial, to distinguish it from later ones."
                 )
-        return super().predict(states, source, say)
+        super()._refuse(states, prefix)
 
     @property
     def _of_history(self) -> list[str]:

@@ -162,6 +162,14 @@ class SavedModel(Section):
     def __repr__(self) -> str:
         return f"<SavedModel of {self}>"
 
+    def _refuse(self, states: pd.DataFrame, prefix: str) -> None:
+        """UserError, which begins with `prefix`, if the model needs columns that the states lack."""
+        if missing := [name for name in self.columns if name not in states]:
+            raise UserError(
+                f"{prefix}The states lack the column(s) {', '.join(missing)}; needed are {', '.join(self.columns)} "
+                f"({self.units}) just before impact."
+            )
+
     def predict(
         self,
         states: pd.DataFrame | Mapping[str, ArrayLike],
@@ -178,11 +186,7 @@ class SavedModel(Section):
         column is missing or a value is not a finite number.
         """
         prefix, states = f"{source}: " if source else "", pd.DataFrame(states)
-        if missing := [name for name in self.columns if name not in states]:
-            raise UserError(
-                f"{prefix}The states lack the column(s) {', '.join(missing)}; needed are {', '.join(self.columns)} "
-                f"({self.units}) just before impact."
-            )
+        self._refuse(states, prefix)
         columns = {}
         for name in (*self.columns, *OPTIONAL):
             if name in states:
