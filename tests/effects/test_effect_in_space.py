@@ -70,7 +70,7 @@ def test_a_mistake_in_space_is_found(wrong, check) -> None:
         ("lens", {"k_1": 0.3, "c_x": 0.1, "c_y": 0.2}, {"k_1": 0.3, "c_u": 0.1, "c_v": 0.2}, 1e-9),
         ("camera_skew", {"s": 0.05}, {"s_x": 0.05, "s_y": 0.0}, 1e-9),
         # the plane goes one round to the axes at the contact point: κ² apart
-        ("curved_surface", {"kappa": 0.01, "x_0": 0.1}, {"kappa": 0.01, "x_0": 0.1, "y_0": 0.0}, 1.4e-4),
+        ("curved_surface", {"kappa": 0.01, "x_0": 0.2}, {"kappa": 0.01, "x_0": 0.2, "y_0": 0.0}, 1.8e-4),
     ],
 )
 def test_a_motion_in_a_plane_of_space_is_predicted_as_in_the_plane(name, of_plane, in_space, near) -> None:
@@ -110,6 +110,10 @@ def test_a_ball_that_touches_a_bowl_has_no_gap_to_it() -> None:
     state = State(pose, np.zeros((6, 2)), np.zeros(2), np.zeros(2), None, SPACE)
     taken = effect.gap(np.zeros(2), state, {"kappa": 1.0 / R, "x_0": 0.0, "y_0": 0.0}, rig)
     np.testing.assert_allclose(taken, rig.gap(state), rtol=0.01)
+    # if it is level far away, it is a slope and not another height
+    seen = state.changed(position=np.array([[0.0, 0.1], [0.0, 0.0], [radius, radius]]))
+    apart = effect.gap(np.zeros(2), seen, {"kappa": 2e-3, "x_0": 1.6, "y_0": -1.0}, rig)
+    np.testing.assert_allclose(apart, [0.0, -2e-3 * 1.6 * 0.1], atol=2e-5)
 
 
 @pytest.mark.parametrize("angle", [0.0, 0.6])

@@ -156,6 +156,15 @@ def test_a_curved_surface_is_level_at_its_middle_and_a_ramp_beside_it() -> None:
     np.testing.assert_allclose(middle, flat, atol=EXACT)
 
 
+def test_a_hollow_that_is_level_far_away_is_a_slope_and_not_another_height() -> None:
+    # at the place where the drops fall, the surface has the assumed height
+    rig, state = Rig(DISK.shape, DISK.k_g, 9.81, 0.0), at_rest(x=0.0, y=RADIUS)
+    (effect, p) = on("curved_surface", kappa=2e-3, x_0=1.6)[0]
+    assert effect.gap(np.zeros(1), state, p, rig)[0] == pytest.approx(0.0, abs=1e-6)
+    aside = effect.gap(np.zeros(1), at_rest(x=0.1, y=RADIUS), p, rig)[0]
+    assert aside == pytest.approx(-2e-3 * 1.6 * 0.1, rel=0.05)
+
+
 def test_a_disk_that_touches_a_hollow_has_no_gap_to_it() -> None:
     rig, R = Rig(DISK.shape, DISK.k_g, 9.81, 0.0), 10.0
     effect, p = on("curved_surface", kappa=1.0 / R, x_0=0.0)[0]

@@ -1,23 +1,24 @@
 """Curved surface: a bent plate, or the outside of a large roller.
 
-    height   h(x) = κ (x − x_0 − c)²/2,   angle ψ(x_c) = κ (x_c − x_0 − c) at the contact point
+    height   h(x) = κ ((x − x_0 − c)² − c²)/2,   angle ψ(x_c) = κ (x_c − x_0 − c) at the contact point
     gap      φ_n = y + (R(ψ) r)_y − H − h(x_c),   r the contact point of the body at the angle θ − ψ
     contact  velocities along and across the surface there, R(−ψ) v
 
-In space it is a bowl, with equal curvature along x and y: h = κ |s|²/2, with s from its lowest place to the contact
-point.  The axes there are rotated about (s_y, −s_x, 0) until the third one is the normal of the bowl.  Velocity,
+In space it is a bowl, with equal curvature along x and y: h = κ (|s|² − |c|²)/2, with s from its lowest place to the
+contact point.  The axes there are rotated about (s_y, −s_x, 0) until the third one is the normal of the bowl.  Velocity,
 attitude and spin of the body are expressed in these axes.
 
 | on paper | in code           | unit | shape |                                                                    |
 |----------|-------------------|------|-------|--------------------------------------------------------------------|
 | κ        | `kappa`           | 1/m  |       | curvature, 1 over the radius; positive: a hollow                   |
-| c        | `x_0`             | m    |       | place from x_0 where the surface is level, with the assumed height |
+| c        | `x_0`             | m    |       | place from x_0 where the surface is level                          |
 |          | `x_0`, `y_0`      | m    |       | in space: the lowest place, from the reference (x_0, y_0)          |
-| x_0      | `rig.reference.x` | m    |       | the place where the drops fall                                     |
+| x_0      | `rig.reference.x` | m    |       | the place where the drops fall; there it has the assumed height    |
 | x_c      |                   | m    | (n,)  | place of the contact point, x + (R(ψ) r)_x                         |
 
-In the plane it holds to first order in κ r, which is a few thousandths.  The assumed surface is level; a uniform slope
-is described by camera_pose.  Breaks mirror symmetry.
+The height at the reference is the assumed one wherever the level place is: far away the effect is a slope, not another
+height.  In the plane it holds to first order in κ r, which is a few thousandths.  The assumed surface is level; a
+uniform slope is described by camera_pose.  Breaks mirror symmetry.
 """
 
 from dataclasses import replace
@@ -39,8 +40,8 @@ class CurvedSurface(Effect):
     name = "curved_surface"
     family = "surface"
     title = "curved surface"
-    equation = "h(x) = κ (x − c)²/2, normal turned by κ (x − c)"
-    equation_in_space = "h = κ |s|²/2, n ~ (−κ s, 1), s = (x − x_0, y − y_0)"
+    equation = "h(x) = κ ((x − c)² − c²)/2, normal turned by κ (x − c)"
+    equation_in_space = "h = κ (|s|² − x_0² − y_0²)/2, n ~ (−κ s, 1), s = (x − x_0, y − y_0)"
     parameters = (Parameter("kappa", "1/m", null=0.0, low=-2.0, high=2.0, scale=0.1), _PLACE)
     own_in_space = (*parameters, replace(_PLACE, name="y_0", along="y"))
     level = (("x_0", "y_0", 1),)
@@ -78,10 +79,11 @@ class CurvedSurface(Effect):
         if not state.space.is_plane:
             _, r = _under(state, p, rig)
             place = state.position[:2] + r[:2] - _lowest(p, rig)
-            return gap + 0.5 * p["kappa"] * (place**2).sum(axis=0) + (rig.lowest(state) - r)[2]
+            height = 0.5 * p["kappa"] * ((place**2).sum(axis=0) - (vector(p, ("x_0", "y_0")) ** 2).sum(axis=0))
+            return gap + height + (rig.lowest(state) - r)[2]
         psi, r, believed = _angle(state, p, rig)
         x = state.x + r[0] - psi * r[1] - rig.reference.x - p["x_0"]
-        return gap + 0.5 * p["kappa"] * x * x + believed[1] - r[1] - psi * r[0]
+        return gap + 0.5 * p["kappa"] * (x * x - p["x_0"] ** 2) + believed[1] - r[1] - psi * r[0]
 
 
 def _angle(state, p, rig):
