@@ -16,6 +16,9 @@ from thesis_lib.datasets import dataset_of
 from thesis_lib.datasets.checks.in_space import motion_facts
 from thesis_lib.datasets.format.validate import DatasetError
 from thesis_lib.datasets.summary import summarise, summary_text
+from thesis_lib.simulate.tosses.drawn import make
+from thesis_lib.simulate.tosses.drawn_in_worlds import worlds_cases
+from thesis_lib.studies.proof.space import engine_of
 
 Q = ["qw", "qx", "qy", "qz"]
 
@@ -224,6 +227,15 @@ def test_whatever_the_numbers_are_a_set_is_described_or_refused(spoilt):
             continue
         json.dumps(summarise(made), allow_nan=False)
         assert "flights" in summary_text(made)
+
+
+@pytest.mark.slow
+def test_flights_that_a_low_pass_and_noise_cut_in_two_are_neither_releases_nor_catches():
+    case = next(case for case in worlds_cases() if (case.world, case.truth, case.seed) == ("mujoco", "nothing", 4))
+    assert case.drawn["filter"] == "butterworth"
+    made = make(case, engine_of(case))
+    facts = motion_facts(made.trajectories, made.in_space)
+    assert facts.flights > 100 and facts.held == {} and facts.in_the_air == {}
 
 
 @pytest.mark.slow
