@@ -40,6 +40,16 @@ def test_nothing_is_said_of_good_flights(spin):
     np.testing.assert_allclose(facts.fall, [0.0, 0.0, -9.81], atol=0.2)
 
 
+@pytest.mark.parametrize("lost", [0.0, 0.3])
+def test_stamps_of_few_digits_and_lost_frames_do_not_hide_the_rate(lost):
+    # most steps of a camera at 240 Hz are 4 ms long if stamps are whole milliseconds
+    frame = flights().assign(t=lambda table: table["t"].round(3))
+    seen = frame[np.random.default_rng(1).random(len(frame)) >= lost].reset_index(drop=True)
+    assert "(239.9 Hz)" in said(header(rate=250.0), trajectories=seen)
+    assert "rate" not in said(header(rate=240.0), trajectories=seen)
+    assert dataset_of(header(), trajectories=frame).rate == pytest.approx(240.0, rel=0.002)
+
+
 @pytest.mark.parametrize(("factor", "unit"), [(1000.0, "millimetres"), (100.0, "millimetres or centimetres")])
 def test_lengths_in_other_units_are_refused(factor, unit):
     frame = flights()

@@ -5,8 +5,8 @@
     contact  velocities along and across the surface there, R(−ψ) v
 
 In space it is a bowl, with equal curvature along x and y: h = κ (|s|² − |c|²)/2, with s from its lowest place to the
-contact point.  The axes there are rotated about (s_y, −s_x, 0) until the third one is the normal of the bowl.  Velocity,
-attitude and spin of the body are expressed in these axes.
+contact point.  The axes there are rotated about (s_y, −s_x, 0) until the third one is the normal of the bowl.
+Velocity, attitude and spin of the body are expressed in these axes.
 
 | on paper | in code           | unit | shape |                                                                    |
 |----------|-------------------|------|-------|--------------------------------------------------------------------|

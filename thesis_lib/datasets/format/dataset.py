@@ -13,6 +13,7 @@ from thesis_lib.bodies.mesh import Mesh
 from thesis_lib.bodies.shapes import Shape
 from thesis_lib.datasets.format.header import Header, SpaceHeader
 from thesis_lib.datasets.format.impacts import Impacts
+from thesis_lib.datasets.format.samples import sampling_period
 from thesis_lib.datasets.format.validate import Problem
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.mechanics.space import PLANE, SPACE, Space
@@ -75,10 +76,10 @@ class Dataset:
 
     @property
     def rate(self) -> float | None:
-        """Sampling rate, Hz: as stated, else one over the median time step; None without trajectories."""
+        """Sampling rate, Hz: as stated, else that of the time stamps; None without trajectories."""
         if self.header.rate is not None or self.trajectories is None:
             return self.header.rate
-        return 1.0 / median_step(self.trajectories)
+        return 1.0 / sampling_period(self.trajectories["t"].to_numpy(float), self.trajectories["trial"].to_numpy())
 
     @property
     def trials(self) -> np.ndarray:
@@ -127,13 +128,6 @@ class Dataset:
             for column in sorted(set(table.columns) - {"flags"}):
                 parts += [f"{kind}.{column}".encode(), table[column].to_numpy(float).tobytes()]
         return hashlib.sha256(b"".join(parts)).hexdigest()
-
-
-def median_step(trajectories: pd.DataFrame) -> float:
-    """Median time step in s between samples of the same trial; NaN if no trial has two samples."""
-    trial, t = trajectories["trial"].to_numpy(), trajectories["t"].to_numpy(float)
-    step = np.diff(t)[trial[1:] == trial[:-1]]
-    return float(np.median(step)) if len(step) else float("nan")
 
 
 def unwrap(theta: np.ndarray, trial: np.ndarray) -> np.ndarray:

@@ -11,6 +11,7 @@ from thesis_lib.datasets.format.header import Header
 from thesis_lib.foundation.settings import Section
 from thesis_lib.statistics.spread import MAD_TO_STD
 
+PART = 100  # samples within which arrival times drift by less than they jitter
 _UNEVEN = 1e-3  # relative spread of steps beyond which differences for equal steps contain the motion of the body
 
 
@@ -114,6 +115,26 @@ def position(trial: np.ndarray, t: np.ndarray, of_trial: np.ndarray, of_t: np.nd
     since = times - start[number]
     key = number * (since.max(initial=0.0) + 1.0) + since
     return np.searchsorted(key[: len(t)], key[len(t) :])
+
+
+def sampling_period(t: np.ndarray, trial: np.ndarray, first: int = 4) -> float:
+    """Sampling period in s of times `t` (n,) in s within trials (n,); NaN without steps.
+
+    A median step over `first` rows, then means over longer and longer spans of rows, each counted in the last estimate:
+    single steps do not show the period if stamps have few digits (240 Hz in whole milliseconds).
+    """
+    period = 0.0
+    for span in first * 2 ** np.arange(14):
+        step = (t[span:] - t[:-span])[trial[span:] == trial[:-span]]
+        if period and len(step) < PART:
+            break
+        if period:
+            period = float(step.sum() / np.maximum(np.round(step / period), 1.0).sum())
+        else:
+            if not len(step):
+                span, step = 1, np.diff(t)[trial[1:] == trial[:-1]]
+            period = float(np.median(step)) / span if len(step) else np.nan
+    return period
 
 
 def long_gaps(trial: np.ndarray, t: np.ndarray, header: Header, settings: ArcSettings) -> np.ndarray:

@@ -11,9 +11,10 @@ import numpy as np
 import pandas as pd
 from pydantic import ValidationError
 
-from thesis_lib.datasets.format.dataset import TRAJECTORY_COLUMNS, Dataset, median_step, unwrap
+from thesis_lib.datasets.format.dataset import TRAJECTORY_COLUMNS, Dataset, unwrap
 from thesis_lib.datasets.format.header import Header, SpaceHeader
 from thesis_lib.datasets.format.header_file import Model
+from thesis_lib.datasets.format.samples import sampling_period
 from thesis_lib.datasets.format.validate import first_of
 from thesis_lib.datasets.sources.other_units import other_units
 from thesis_lib.datasets.sources.tables.rig_options import RigOptions, needs_no_angle
@@ -27,7 +28,6 @@ from thesis_lib.foundation.mistakes import message
 from thesis_lib.statistics.wording import plural
 
 MOST_OUT = 0.05  # trials with a larger share of their energy out of the plane are left out
-PART = 100  # samples within which arrival times drift by less than they jitter
 FRAMES, SMOOTHED = 5, 0.7  # a parabola through so many frames of a flight shows at least this share of gravity
 STRAIGHT = 0.99  # a direction with a larger component along an axis is taken as that axis
 NEAR_UP = 0.9  # cosine of the angle between the fall and the downward axis, from which on the upward axis is right
@@ -73,7 +73,7 @@ class Recorded:
         motion, gravity = self.motion, self.rig.g
         if text := self._wrong_units():
             return text
-        if slow := too_slow(1.0 / long_period(motion.t, self.piece)):
+        if slow := too_slow(1.0 / sampling_period(motion.t, self.piece)):
             return f"no free flight is found along the upward axis. {slow} Record at 100 Hz or more.{self._smoothed()}"
         if found := falling(motion.t, motion.position, gravity, {"": 1.0}):
             _, down, number = found
@@ -145,29 +145,12 @@ def _axis(direction: np.ndarray) -> str:
     return ",".join(f"{value:.3f}" for value in direction + 0.0)
 
 
-def long_period(t: np.ndarray, piece: np.ndarray) -> float:
-    """Sampling period in s; NaN without steps.
-
-    A median step, then means over longer and longer spans of rows, each counted in the last estimate.
-    """
-    period = 0.0
-    for span in 2 ** np.arange(2, 16):
-        step = (t[span:] - t[:-span])[piece[span:] == piece[:-span]]
-        if period and len(step) < PART:
-            break
-        if period:
-            period = float(step.sum() / np.maximum(np.round(step / period), 1.0).sum())
-        else:
-            period = float(np.median(step)) / span if len(step) else median_step(pd.DataFrame({"trial": piece, "t": t}))
-    return period
-
-
 def _rate(rig: RigOptions, t: np.ndarray, piece: np.ndarray) -> float | None:
     """Sampling rate in Hz: as stated, else of times `t` (n,) in s within the recordings `piece` (n,); None if unknown.
 
     Single steps do not show it, because time stamps may have few digits.
     """
-    period = np.nan if rig.rate is not None else long_period(t, piece)
+    period = np.nan if rig.rate is not None else sampling_period(t, piece)
     return float(f"{1.0 / period:.6g}") if period > 0.0 else rig.rate
 
 

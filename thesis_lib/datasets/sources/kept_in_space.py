@@ -7,8 +7,9 @@ import pandas as pd
 
 from thesis_lib.bodies.solid_body import SolidBody
 from thesis_lib.datasets.format.frames import body_states, surface_frames
+from thesis_lib.datasets.format.samples import sampling_period
 from thesis_lib.datasets.format.table_forms import POSE_IN_SPACE
-from thesis_lib.datasets.sources.conversion import Conversion, Recorded, long_period, solid_dataset
+from thesis_lib.datasets.sources.conversion import Conversion, Recorded, solid_dataset
 from thesis_lib.datasets.space.drops import IN_THE_AIR, Drop, cut_drops, until_rest, whole_pieces
 from thesis_lib.datasets.space.falling_body import better_reading, falling, reading_that_falls
 from thesis_lib.datasets.space.flights import find_flights, follow, too_slow
@@ -45,7 +46,7 @@ def keep_in_space(recorded: Recorded) -> Conversion:
         off = np.arccos(min(-found.gravity @ up / size, 1.0))
         falls = found.gravity / size if off > LEVEL + 3.0 * found.gravity_angle else None
     flights = find_flights(track, -size * up) if falls is None else []
-    slow = too_slow(1.0 / long_period(motion.t, recorded.piece))  # a bounce then looks like a fall the other way
+    slow = too_slow(1.0 / sampling_period(motion.t, recorded.piece))  # a bounce then looks like a fall the other way
     if falls is None and not flights and not view.up_is_given and not slow:
         fall = falling(motion.t, path, size)
         often = fall is not None and fall[2] >= OFTEN * len(np.unique(recorded.piece))

@@ -9,9 +9,9 @@ import numpy as np
 
 from thesis_lib.bodies.mesh import Mesh
 from thesis_lib.datasets.checks.known_body import LARGEST_BODY
-from thesis_lib.datasets.format.samples import Samples
+from thesis_lib.datasets.format.samples import PART, Samples, sampling_period
 from thesis_lib.datasets.samples.stamps import times_of_pictures
-from thesis_lib.datasets.sources.conversion import PART, Conversion, Recorded, View, long_period
+from thesis_lib.datasets.sources.conversion import Conversion, Recorded, View
 from thesis_lib.datasets.sources.kept_in_space import keep_in_space
 from thesis_lib.datasets.sources.motion_capture import bags, c3d, motive, qualisys, tensors, vicon
 from thesis_lib.datasets.sources.motion_capture.export_cells import SEQUENCES
@@ -255,7 +255,7 @@ def _at_exposure(motion: Motion, piece: np.ndarray, rate: float | None, notes: l
     row = np.arange(len(piece)) - np.repeat(first, np.diff(np.r_[first, len(piece)]))
     part = np.cumsum(row % PART == 0)
     samples = Samples(part, motion.t, motion.position, piece)  # rows after a part help to count its lost frames
-    found = times_of_pictures(samples, rate or 1.0 / long_period(motion.t, piece), lengths=3)
+    found = times_of_pictures(samples, rate or 1.0 / sampling_period(motion.t, piece), lengths=3)
     if found is None:
         return motion, piece
     sure, t, said = found

@@ -12,10 +12,10 @@ from scipy.spatial.transform import Rotation
 
 from thesis_lib.datasets.checks.known_body import KnownBody
 from thesis_lib.datasets.checks.trajectories import check_trajectories
-from thesis_lib.datasets.format.samples import Samples
+from thesis_lib.datasets.format.samples import Samples, sampling_period
 from thesis_lib.datasets.format.validate import SHOWN, UsableRows, ValidationReport, row_text
 from thesis_lib.datasets.samples.stamps import times_of_pictures
-from thesis_lib.datasets.sources.conversion import Conversion, as_dataset, long_period
+from thesis_lib.datasets.sources.conversion import Conversion, as_dataset
 from thesis_lib.datasets.sources.tables.log_table import Log
 from thesis_lib.datasets.sources.tables.options import Reading
 from thesis_lib.datasets.sources.tables.pose import read_poses
@@ -72,7 +72,7 @@ def _apart(poses: pd.DataFrame, rig: RigOptions, notes: list[str]) -> pd.DataFra
     if (step > 0.0).all() or (step < 0.0).any():
         return poses
     samples = Samples(trial, t, poses[["x", "y"]].to_numpy(), trial)
-    if (found := times_of_pictures(samples, rig.rate or 1.0 / long_period(t, trial))) is None:
+    if (found := times_of_pictures(samples, rig.rate or 1.0 / sampling_period(t, trial))) is None:
         return poses
     sure, times, said = found
     notes.append(said)
