@@ -5,7 +5,7 @@ Quaternions that contradict the flights, jumps of the orientation and its loss g
 identify a fault of the measurement as a cause.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -15,6 +15,7 @@ from scipy.spatial.transform import Rotation
 from thesis_lib.datasets.checks.copied_releases import copied_releases, copies_text
 from thesis_lib.datasets.checks.jumps import NO_JUMPS, Jumps, place_jumps, turn_jumps
 from thesis_lib.datasets.checks.known_body import FILE, LARGEST_BODY, LARGEST_SPEED, METRES, ONE_UNIT, unlike_column
+from thesis_lib.datasets.checks.releases import OFF_SURFACE, releases_and_catches
 from thesis_lib.datasets.checks.trajectories import DENSEST, LARGEST_GRAVITY, runs_of
 from thesis_lib.datasets.format.frames import body_states, surface_frames, tracked_states
 from thesis_lib.datasets.format.header import SpaceHeader
@@ -22,7 +23,7 @@ from thesis_lib.datasets.format.samples import Samples, noise_from_differences
 from thesis_lib.datasets.format.table_forms import POSITION, QUATERNION, V_POST_IN_SPACE, V_PRE_IN_SPACE
 from thesis_lib.datasets.format.validate import UsableRows, ValidationReport
 from thesis_lib.datasets.space.falling_body import SCALES, better_reading, falling, reading_that_falls, too_few_fall
-from thesis_lib.datasets.space.flights import Track, find_flights, follow, inner_samples
+from thesis_lib.datasets.space.flights import find_flights, follow, inner_samples
 from thesis_lib.datasets.space.motion import Motion, conjugate
 from thesis_lib.statistics.spread import robust_mean
 from thesis_lib.statistics.wording import plural
@@ -32,11 +33,9 @@ PAUSE = 10.0  # s between trials on one clock
 OBLIQUE = np.radians(3.0)  # between stated and measured gravity; a camera levelled by eye stays within
 SLOWER, SURELY = 0.02, 4.0  # share, and standard errors, by which the fall may differ from gravity
 CENTRAL = 5e-3  # m from the tracked point to the centre of mass, within which both fall alike
-HELD = 0.1  # s before the first flight, in which a body counts as held
 BY_CHANCE = 1e-3  # expected number of values that occur in so many trials
 REPEATED = 0.2  # share of rows whose coordinate occurs in another row, too
 LOST = 0.2  # share of lost orientations from which a warning is given
-OFF_SURFACE = 0.2  # extents of the body, by which its lowest point may be off the surface at hits
 XYZW = [1, 2, 3, 0]  # of a quaternion with the scalar first
 SCALAR_LAST = "as x, y, z, w (the scalar last)"
 COPIED = "leave copies out: the held-out trials of a critique must be independent of its training trials"
@@ -90,7 +89,7 @@ def motion_facts(table: pd.DataFrame, header: SpaceHeader) -> MotionFacts:
         motion = replace(_motion(table[rows]), t=t, position=position)
         tensor = R.T @ header.body.inertia_per_mass @ R
         facts = replace(facts, reading=better_reading(motion, track, flights, tensor))
-    held, in_the_air = _ends(table[rows], t, track, flights, header)
+    held, in_the_air = releases_and_catches(table[rows], t, track, flights, header)
     return replace(facts, flights=len(flights), fall=fall, fall_error=error, held=held, in_the_air=in_the_air)
 
 
@@ -115,55 +114,6 @@ def reading_of(table: pd.DataFrame, relabellings: Mapping[str, np.ndarray], grav
     q = table[list(QUATERNION)].to_numpy(float)
     readings = {name: lambda P=P: (q @ P)[:, XYZW] for name, P in relabellings.items()}
     return reading_that_falls(replace(_motion(table), readings=readings), gravity)
-
-
-def _ends(
-    table: pd.DataFrame, t: np.ndarray, track: Track, flights: Sequence[slice], header: SpaceHeader
-) -> tuple[dict[int, float], dict[int, float]]:
-    """Times of release of trials that begin held, and times at which trials end in the air, by trial and on its clock;
-    `t` (n,): times of the samples on a common clock."""
-    trial, own = table["trial"].to_numpy().tolist(), table["t"].tolist()
-    first = {trial[flight.start]: flight.start for flight in reversed(flights)}
-    last = {trial[flight.start]: flight.stop - 1 for flight in flights}
-    begins = {trial[i]: t[i] for i in reversed(range(len(t)))}
-    g = np.array(header.gravity)
-    starts = np.array(
-        [i for i in first.values() if t[i] - begins[trial[i]] > HELD and not _falls_before(i, t, track, g)], int
-    )
-    if header.tracked is None or header.surfaces is not None:
-        return _by_trial(starts, trial, own), {}
-    starts = starts[_off_surface(starts, table, t, track, header)]
-    ends, numbers = np.array(list(last.values())), np.array(trial)
-    ends = ends[_off_surface(ends, table, t, track, header)]
-    # a flight that noise cuts in two ends in the air, but the body comes down later
-    later = [np.flatnonzero((numbers == numbers[at]) & (t > t[at])) for at in ends]
-    ends = ends[[bool(_off_surface(rows, table, t, track, header).all()) for rows in later]]
-    return _by_trial(starts, trial, own), _by_trial(ends, trial, own)
-
-
-def _falls_before(start: int, t: np.ndarray, track: Track, gravity: np.ndarray) -> bool:
-    """Whether the body falls in most of the last `HELD` s before a flight: noise has cut its flight in two."""
-    before = track.a[np.searchsorted(t, t[start] - HELD) : start] @ gravity / (gravity @ gravity)
-    before = before[np.isfinite(before)]
-    return len(before) > 0 and float(np.median(before)) > 0.5
-
-
-def _by_trial(rows: np.ndarray, trial: Sequence[int], own: Sequence[float]) -> dict[int, float]:
-    return {trial[i]: own[i] for i in sorted(rows.tolist())}
-
-
-def _off_surface(rows: np.ndarray, table: pd.DataFrame, t: np.ndarray, track: Track, header: SpaceHeader) -> np.ndarray:
-    """Mask (n,) of samples in which the body is farther off the surface than it moves until the next sample."""
-    if not len(rows):
-        return np.zeros(0, bool)
-    (frame,) = surface_frames(header)
-    states = frame.seen(body_states(tracked_states(table.iloc[rows]), header))
-    solid, trial = header.body.solid.about(header.body.centre), table["trial"].to_numpy()
-    speed = np.array([np.linalg.norm(track.v[min(at, len(t) - 1 - track.half)]) for at in rows])
-    after = np.minimum(rows + 1, len(t) - 1)
-    lasts = np.where(trial[after] == trial[rows], t[after] - t[rows], 0.0)
-    reach = OFF_SURFACE * solid.extent + 2.0 * np.nan_to_num(speed) * np.maximum(lasts, float(np.median(np.diff(t))))
-    return states.height + solid.lowest(states.attitude)[2] > reach
 
 
 def centre_path(table: pd.DataFrame, header: SpaceHeader) -> tuple[np.ndarray, np.ndarray]:
