@@ -16,7 +16,8 @@ from matplotlib.image import imread
 
 from tests.docs.tutorial_runner import compare
 from thesis_lib.critique.results.load_model import load_model
-from thesis_lib.effects import EFFECTS
+from thesis_lib.effects import effects_in
+from thesis_lib.mechanics.space import PLANE, SPACE
 from thesis_lib.thesis.ledger.format import read_ledger
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -32,7 +33,7 @@ def test_it_is_a_front_page():
 
 
 def test_as_many_effects_are_looked_for_as_it_says():
-    assert f"({len(EFFECTS)} are looked for)" in README
+    assert f"(of {len(effects_in(PLANE))} in the plane, {len(effects_in(SPACE))} in space)" in README
 
 
 def test_benchmarks_are_six_rows_of_all():

@@ -40,7 +40,7 @@ Files written into DIR:
   model.json       the law with its effects, for thesis-lib predict
   candidates.csv   the effects that were tried, the gain of each alone, and the evidence against it
   choices.csv      the error for each choice among the effects found and their closest rival (in the plane)
-  comparison.csv, ladder.csv, budget.csv, errors.csv, impacts.csv, where.json, and the figures
+  comparison.csv, ladder.csv, budget.csv, errors.csv, impacts.csv (in the plane), where.json, and the figures
   DIR_proposal.py  next to DIR, if no known effect fits and a term is proposed: an effect file for --effects
   models.csv       with --models: laws and simulators side by side
   for a recording: report.html, diagnosis.json, misfit.csv, mechanism_residuals.csv, and the figure

@@ -79,7 +79,8 @@ class CritiqueSettings(SearchSettings):
     contact_time: bool = Field(True, description="fit the duration of contacts, if there are trajectories")
     episodes: bool = Field(True, description="use hits that follow each other too quickly to see the flight between")
     channels: tuple[Literal["rest", "slide"], ...] = Field(
-        (), description="evidence beside impacts and flights: bodies that lie still (rest), bodies that slide (slide)"
+        (),
+        description="in the plane, evidence beside impacts and flights: bodies that lie still (rest), or slide (slide)",
     )
     max_terms: int = Field(2, ge=0, description="most terms proposed if no effect explains the error; 0: none")
     terms: TermChoice = TermChoice()

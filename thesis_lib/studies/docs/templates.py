@@ -27,7 +27,7 @@ import pandas as pd
 from thesis_lib.contact import LAWS, LAWS_IN_SPACE, Promise
 from thesis_lib.critique.likelihood.channels import CHANNELS
 from thesis_lib.critique.results.titles import effect_title
-from thesis_lib.effects import EFFECTS
+from thesis_lib.effects import EFFECTS, effects_in
 from thesis_lib.effects.effect import FAMILIES, parameters_in
 from thesis_lib.foundation.columns import meanings
 from thesis_lib.foundation.errors import UserError
@@ -138,6 +138,7 @@ KNOWN = {  # names that templates can use
     **{"table": StoredTable, "critique": stored_critique, "meanings": meanings, "with_links": with_links},
     "docstring": lambda module: docstring(import_module(module)),
     **{"LAWS": LAWS, "LAWS_IN_SPACE": LAWS_IN_SPACE, "Promise": Promise, "EFFECTS": EFFECTS, "FAMILIES": FAMILIES},
+    "EFFECTS_IN": {space.dimension: effects_in(space) for space in (PLANE, SPACE)},
     **{"size_that_matters": size_that_matters, "sizes_text": sizes_text},
 }
 
