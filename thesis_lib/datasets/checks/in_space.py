@@ -15,7 +15,7 @@ from scipy.spatial.transform import Rotation
 from thesis_lib.datasets.checks.copied_releases import copied_releases, copies_text
 from thesis_lib.datasets.checks.jumps import NO_JUMPS, Jumps, place_jumps, turn_jumps
 from thesis_lib.datasets.checks.known_body import FILE, LARGEST_BODY, LARGEST_SPEED, METRES, ONE_UNIT, unlike_column
-from thesis_lib.datasets.checks.releases import OFF_SURFACE, releases_and_catches
+from thesis_lib.datasets.checks.releases import OFF_SURFACE, height_at_hits, releases_and_catches
 from thesis_lib.datasets.checks.trajectories import DENSEST, LARGEST_GRAVITY, runs_of
 from thesis_lib.datasets.format.frames import body_states, surface_frames, tracked_states
 from thesis_lib.datasets.format.header import SpaceHeader
@@ -29,6 +29,7 @@ from thesis_lib.statistics.spread import robust_mean
 from thesis_lib.statistics.wording import plural
 
 FEWEST = 20  # samples needed to judge a motion
+FEWEST_HITS = 5  # needed to judge the surface
 PAUSE = 10.0  # s between trials on one clock
 OBLIQUE = np.radians(3.0)  # between stated and measured gravity; a camera levelled by eye stays within
 SLOWER, SURELY = 0.02, 4.0  # share, and standard errors, by which the fall may differ from gravity
@@ -47,7 +48,8 @@ class MotionFacts:
     """Findings from the samples: free flights, their median acceleration (m/s²), and faults of the poses.
 
     `held`: trials that begin before the release, with its time in s.  `in_the_air`: trials whose last flight ends off
-    the surface, with that time in s: caught, out of view, or beyond the table's edge.
+    the surface, with that time in s: caught, out of view, or beyond the table's edge.  `hits`: flights that another one
+    follows at once; `off_surface`: height in m of the body's lowest point at them, 0 if it is on the surface.
     """
 
     flights: int
@@ -59,6 +61,8 @@ class MotionFacts:
     fall_error: float = 0.0  # m/s², standard error of the size of `fall`
     held: Mapping[int, float] = field(default_factory=dict)
     in_the_air: Mapping[int, float] = field(default_factory=dict)
+    hits: int = 0
+    off_surface: float = 0.0
 
 
 def motion_facts(table: pd.DataFrame, header: SpaceHeader) -> MotionFacts:
@@ -90,7 +94,9 @@ def motion_facts(table: pd.DataFrame, header: SpaceHeader) -> MotionFacts:
         tensor = R.T @ header.body.inertia_per_mass @ R
         facts = replace(facts, reading=better_reading(motion, track, flights, tensor))
     held, in_the_air = releases_and_catches(table[rows], t, track, flights, header)
-    return replace(facts, flights=len(flights), fall=fall, fall_error=error, held=held, in_the_air=in_the_air)
+    facts = replace(facts, flights=len(flights), fall=fall, fall_error=error, held=held, in_the_air=in_the_air)
+    hits, off = height_at_hits(table[rows], t, track, flights, header)
+    return replace(facts, hits=hits, off_surface=off)
 
 
 def _motion(table: pd.DataFrame) -> Motion:
@@ -188,6 +194,10 @@ def check_motion(table: UsableRows, header: SpaceHeader) -> None:
     if facts.reading:
         what = f"in free flight the body does not move like a free body; if read {facts.reading}, it does"
         table.warn("columns qw, qx, qy, qz", what, "find out how the recording was written, and convert it")
+    if facts.hits >= FEWEST_HITS and (off := facts.off_surface):
+        side = "below" if off < 0.0 else "above"
+        what = f"at {facts.hits} hits the lowest point of the body is {abs(off):.3g} m {side} the surface (median)"
+        table.warn("columns x, y, z", what, "check the surface, the shape, `tracked`, and the unit of length")
     _check_jumps(table, facts)
     _check_repeated(table)
     if copies := copied_releases(trial, t, position @ header.planes[0][1]):
