@@ -1,8 +1,8 @@
 """One long recording cut into drops: chains of free flights with impacts between them.
 
 A drop begins with a free flight that ends at the surface.  It continues through impacts, as long as the next flight
-begins soon, or the body neither rests nor is lifted before it, and ends shortly after its last flight, or with it if the body is caught in the air.  Motions by hand
-between drops are not flights.
+begins soon, or the body neither rests nor is lifted before it.  It ends shortly after its last flight, or with it if
+the body is caught in the air.  Motions by hand between drops are not flights.
 """
 
 import itertools
