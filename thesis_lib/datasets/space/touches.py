@@ -29,6 +29,7 @@ class Touches:
         attitude: (k) rotations of the tracked frame's axes into those of the recording.
         velocity, spin: (k, 3) in m/s and rad/s just before the touch, 0 at rest.
         rests: (k,) whether the body rests; else it hits.
+        step: s between samples, within which a second hit may go unseen.
     """
 
     place: np.ndarray
@@ -36,6 +37,7 @@ class Touches:
     velocity: np.ndarray
     spin: np.ndarray
     rests: np.ndarray
+    step: float
 
 
 def touches(trial: np.ndarray, t: np.ndarray, position: np.ndarray, turned: Rotation, body: FallingBody) -> Touches:
@@ -44,10 +46,11 @@ def touches(trial: np.ndarray, t: np.ndarray, position: np.ndarray, turned: Rota
     Raises:
         UserError: there is neither a hit nor a rest.
     """
-    found, pause = [], BETWEEN * float(np.median(np.diff(t)))
+    found, step = [], float(np.median(np.diff(t)))
     for before, after in zip(body.flights[:-1], body.flights[1:]):
         end, start = before.stop - 1, after.start
-        if trial[end] == trial[start] and t[start] - t[end] < pause and (hit := _hit(t, turned, body, before, after)):
+        soon = trial[end] == trial[start] and t[start] - t[end] < BETWEEN * step
+        if soon and (hit := _hit(t, turned, body, before, after)):
             found.append((*hit, False))
     for rows in _rests(trial, t, position, turned, body):
         mean = turned[rows].mean()
@@ -55,7 +58,8 @@ def touches(trial: np.ndarray, t: np.ndarray, position: np.ndarray, turned: Rota
     if not found:
         raise UserError("no hit and no rest follows a free flight.")
     place, attitude, velocity, spin, rests = zip(*found)
-    return Touches(np.array(place), Rotation.concatenate(attitude), np.array(velocity), np.array(spin), np.array(rests))
+    states = np.array(place), Rotation.concatenate(attitude), np.array(velocity), np.array(spin), np.array(rests)
+    return Touches(*states, step)
 
 
 def table_height(
