@@ -95,6 +95,18 @@ def test_a_given_tracked_frame_hits_and_rests_on_a_table_at_any_height(tmp_path)
     assert airborne.notes[-1].startswith("the surface is assumed at height 0 along up: no hit and no rest follows")
 
 
+def test_a_given_up_that_is_off_the_fall_is_named_with_the_measured_one(tmp_path):
+    flights(trials=12).to_csv(tmp_path / "log.csv")
+    columns = {f"q{i + 1}": (name, 1.0) for i, name in enumerate(Q)}
+    reading = Reading(columns=columns, quaternion="wxyz", tracked="shape", up="0,0.26,0.966")
+    (said,) = convert([tmp_path / "log.csv"], "made", RigOptions(parse_shape(SHAPE[1])), reading).warnings
+    assert re.match(r"\d+ free flights fall 1[45]\.\d° off the direction opposite --up, .* give --up=", said)
+    up = said.split("--up=")[1]
+    np.testing.assert_allclose([float(part) for part in up.split(",")], [0.0, 0.0, 1.0], atol=0.01)
+    level = convert([tmp_path / "log.csv"], "made", RigOptions(parse_shape(SHAPE[1])), replace(reading, up=up))
+    assert level.warnings == []
+
+
 def test_one_fall_among_many_trials_does_not_say_where_up_is(tmp_path, capsys):
     frame = flights(trials=12)
     still = frame["trial"] > 0

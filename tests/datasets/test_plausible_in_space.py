@@ -83,6 +83,15 @@ def test_gravity_along_another_axis_is_refused_with_the_one_to_write():
     assert "no free flight is seen" in said(trajectories=still)
 
 
+def test_one_correction_of_gravity_suffices():
+    frame = flights(trials=20)
+    tilted = Rotation.from_euler("x", 20.0, degrees=True).apply([0.0, 0.0, -9.81])
+    text = said(header(gravity=tilted.tolist()), trajectories=frame)
+    written = np.array(json.loads(re.findall(r"write gravity: (\[.*?\])", text)[0]))
+    assert np.degrees(np.arccos(-written[2] / np.linalg.norm(written))) < 1.0
+    assert "off the stated gravity" not in said(header(gravity=written.tolist()), trajectories=frame)
+
+
 MISREAD = [
     (lambda q: q[:, [1, 2, 3, 0]], "as x, y, z, w (the scalar last)"),
     (lambda q: q * [1, -1, -1, -1], "reversed (of a left-handed frame"),

@@ -13,8 +13,8 @@ from thesis_lib.datasets.format.samples import sampling_period
 from thesis_lib.datasets.format.table_forms import POSE_IN_SPACE
 from thesis_lib.datasets.sources.conversion import Conversion, Recorded, solid_dataset
 from thesis_lib.datasets.space.drops import IN_THE_AIR, Drop, cut_drops, until_rest, whole_pieces
-from thesis_lib.datasets.space.falling_body import better_reading, falling, reading_that_falls
-from thesis_lib.datasets.space.flights import find_flights, follow, too_slow
+from thesis_lib.datasets.space.falling_body import better_reading, falling, reading_that_falls, settled_fall
+from thesis_lib.datasets.space.flights import Track, find_flights, follow, too_slow
 from thesis_lib.datasets.space.motion import Motion
 from thesis_lib.datasets.space.touches import table_height
 from thesis_lib.datasets.space.tracked_frame import TrackedFrame, find_tracked_frame
@@ -25,6 +25,7 @@ from thesis_lib.statistics.wording import plural
 
 LEVEL = 2e-3  # rad between the upward axis and the fall, up to which they count as parallel
 OFTEN = 0.25  # of the trials: fewer flights do not determine the upward direction
+OBLIQUE = np.radians(3.0)  # between a given upward direction and the fall; an axis levelled by eye stays within
 OFF_TABLE = 2e-3  # m; larger differences between the given and the estimated height of the table are reported
 
 
@@ -62,6 +63,7 @@ def keep_in_space(recorded: Recorded) -> Conversion:
             f"up is ({shown}) in the axes of the recording, opposite the fall in {plural(len(flights), 'free flight')}"
         )
     recorded.require(flights)
+    warnings = [text] if view.up_is_given and (text := _oblique(track, up, size)) else []
     estimated = found is None and rig.surface_height is None
     dataset = solid_dataset(recorded, up, found, _table_height(recorded, body, flights, up) if estimated else 0.0)
     header = dataset.in_space
@@ -97,7 +99,7 @@ def keep_in_space(recorded: Recorded) -> Conversion:
     pose = np.concatenate([whole.position, whole.quaternion[:, [3, 0, 1, 2]]], axis=1)[rows]
     columns = {"trial": np.repeat([drop.trial for drop in used], count), "t": whole.t[rows] - start}
     poses = pd.DataFrame(columns | dict(zip(POSE_IN_SPACE, pose.T)))
-    warnings = [found.doubt] if found is not None and found.doubt else []
+    warnings += [found.doubt] if found is not None and found.doubt else []
     return Conversion(replace(dataset, trajectories=poses, has_angle=motion.oriented), notes, warnings)
 
 
@@ -111,6 +113,18 @@ def _rows(drop: Drop, turned: np.ndarray, piece: np.ndarray, cut: bool) -> np.nd
 def _misread(motion: Motion, what: str, other: str) -> UserError:
     return UserError(
         f"{motion.source}: read as stated, {what}. It does with {other}. Find out how the log was written; state it."
+    )
+
+
+def _oblique(track: Track, up: np.ndarray, gravity: float) -> str:
+    """Sentence on flights that fall in another direction than opposite the given `up` (3,), "" if they do not."""
+    fall = settled_fall(track, -gravity * up)
+    if fall is None or (off := np.arccos(np.clip(-fall[0] @ up, -1.0, 1.0))) < OBLIQUE:
+        return ""
+    shown = ",".join(f"{value:.4f}" for value in -fall[0] + 0.0)
+    return (
+        f"{plural(fall[1], 'free flight')} fall{'s' * (fall[1] == 1)} {np.degrees(off):.1f}° off the direction "
+        f"opposite --up, with which others may be missed: if the axes of the recording are not level, give --up={shown}"
     )
 
 
