@@ -99,7 +99,7 @@ def _goes_on(
         return False
     ends = (inner(last, track).stop - 1, inner(flight, track).start)
     before, after = (float(track.v[at] @ track.v[at]) / (2.0 * g) + height[at] for at in ends)
-    return after < before + extent
+    return bool(after < before + extent)
 
 
 def until_rest(drops: Sequence[Drop], track: Track, height: np.ndarray, extent: float) -> list[Drop]:
