@@ -1,12 +1,16 @@
 """`datasets init` keeps a motion in space if the shape is one of space: units, up, order of quaternions, cutting."""
 
+import re
+from dataclasses import replace
+
 import numpy as np
 import pandas as pd
 import pytest
-from folders_in_space import mesh
+from folders_in_space import header, mesh
 from scipy.spatial.transform import Rotation
 from tossed import flights
 
+from tests.tosses import simulate_tosses
 from thesis_lib.commands.datasets import main
 from thesis_lib.datasets import read_dataset
 from thesis_lib.datasets.sources.logs import convert
@@ -74,6 +78,33 @@ def test_units_and_the_axis_that_is_up_are_found_or_given(tmp_path, capsys):
     assert made.header.gravity == (0.0, -9.81, 0.0) and made.header.planes[0][1].tolist() == [0.0, 1.0, 0.0]
     assert init(tmp_path, log, *XYZW, "--units", "mm", "--up", "x", "--force")[0] == 2
     assert "free flights with --up y" in capsys.readouterr().err
+
+
+def test_a_given_tracked_frame_hits_and_rests_on_a_table_at_any_height(tmp_path):
+    surface = {"point": [0.0, 0.0, 0.73], "normal": [0.0, 0.0, 1.0]}
+    simulate_tosses(header(surface=surface), 6, np.random.default_rng(0)).trajectories.to_csv(tmp_path / "hits.csv")
+    flights().to_csv(tmp_path / "flights.csv")
+    columns = {f"q{i + 1}": (name, 1.0) for i, name in enumerate(Q)}
+    reading, rig = Reading(columns=columns, quaternion="wxyz", tracked="shape"), RigOptions(parse_shape(SHAPE[1]))
+    made = convert([tmp_path / "hits.csv"], "made", rig, reading)
+    assert made.dataset.in_space.planes[0][0] == pytest.approx([0.0, 0.0, 0.73], abs=2e-3)
+    assert re.match(r"the surface is at 0\.7\d+ m along up, where the .* at \d+ hits and 0 rests", made.notes[-1])
+    given = convert([tmp_path / "hits.csv"], "made", replace(rig, surface_height=0.7), reading)
+    assert given.dataset.in_space.planes[0][0].tolist() == [0.0, 0.0, 0.7]
+    airborne = convert([tmp_path / "flights.csv"], "made", rig, reading)
+    assert airborne.notes[-1].startswith("the surface is assumed at height 0 along up: no hit and no rest follows")
+
+
+def test_a_given_up_that_is_off_the_fall_is_named_with_the_measured_one(tmp_path):
+    flights(trials=12).to_csv(tmp_path / "log.csv")
+    columns = {f"q{i + 1}": (name, 1.0) for i, name in enumerate(Q)}
+    reading = Reading(columns=columns, quaternion="wxyz", tracked="shape", up="0,0.26,0.966")
+    (said,) = convert([tmp_path / "log.csv"], "made", RigOptions(parse_shape(SHAPE[1])), reading).warnings
+    assert re.match(r"\d+ free flights fall 1[45]\.\d° off the direction opposite --up, .* give --up=", said)
+    up = said.split("--up=")[1]
+    np.testing.assert_allclose([float(part) for part in up.split(",")], [0.0, 0.0, 1.0], atol=0.01)
+    level = convert([tmp_path / "log.csv"], "made", RigOptions(parse_shape(SHAPE[1])), replace(reading, up=up))
+    assert level.warnings == []
 
 
 def test_one_fall_among_many_trials_does_not_say_where_up_is(tmp_path, capsys):

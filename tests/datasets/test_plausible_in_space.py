@@ -11,6 +11,7 @@ from folders_in_space import body, header, impacts
 from scipy.spatial.transform import Rotation
 from tossed import flights
 
+from tests.tosses import simulate_tosses
 from thesis_lib.commands.datasets import main
 from thesis_lib.datasets import dataset_of
 from thesis_lib.datasets.checks.in_space import motion_facts
@@ -82,6 +83,15 @@ def test_gravity_along_another_axis_is_refused_with_the_one_to_write():
     assert "no free flight is seen" in said(trajectories=still)
 
 
+def test_one_correction_of_gravity_suffices():
+    frame = flights(trials=20)
+    tilted = Rotation.from_euler("x", 20.0, degrees=True).apply([0.0, 0.0, -9.81])
+    text = said(header(gravity=tilted.tolist()), trajectories=frame)
+    written = np.array(json.loads(re.findall(r"write gravity: (\[.*?\])", text)[0]))
+    assert np.degrees(np.arccos(-written[2] / np.linalg.norm(written))) < 1.0
+    assert "off the stated gravity" not in said(header(gravity=written.tolist()), trajectories=frame)
+
+
 MISREAD = [
     (lambda q: q[:, [1, 2, 3, 0]], "as x, y, z, w (the scalar last)"),
     (lambda q: q * [1, -1, -1, -1], "reversed (of a left-handed frame"),
@@ -103,6 +113,15 @@ def test_a_tracked_frame_that_is_turned_is_no_wrong_quaternion():
     tracked = {"quaternion": turn.as_quat(scalar_first=True).tolist()}
     assert said(header(tracked=tracked), trajectories=frame) == ""
     assert said(header(tracked="unknown"), trajectories=frame) == ""
+
+
+@pytest.mark.parametrize(
+    ("height", "words"), [(0.5, "m below the surface"), (-0.5, "m above the surface"), (0.005, "")]
+)
+def test_a_surface_far_from_the_hits_is_named(height, words):
+    frame = simulate_tosses(header(), 10, np.random.default_rng(0)).trajectories
+    text = said(header(surface={"point": [0.0, 0.0, height]}), trajectories=frame)
+    assert text == "" if not words else re.search(rf"at \d+ hits the lowest point of the body is 0\.\d+ {words}", text)
 
 
 def test_lost_orientations_and_jumps_are_counted():

@@ -125,3 +125,18 @@ def test_a_body_is_made_of_its_markers():
     line = np.linspace(0.0, 1.0, 4)[:, None] * np.array([1.0, 2.0, 3.0])
     with pytest.raises(ValueError, match="on a line"):
         body_of_markers(np.repeat(line[None], 3, axis=0))
+
+
+@pytest.mark.parametrize(("rises", "tosses"), [(0.002, 1), (0.2, 2)])
+def test_a_body_that_rocks_goes_on_and_one_that_is_lifted_is_a_new_drop(rises, tosses):
+    """A fall onto the surface, 0.24 s in which the body moves along or is lifted, and another flight, of 0.2 s."""
+    t, low = np.arange(50) / 250.0, np.arange(60) / 240.0
+    lands = parabola(t, G * t[-1] ** 2 / 2)
+    rocks = np.stack([0.06 + 0.1 * low, 0.0 * low, rises * low / low[-1]], axis=1)
+    hops = parabola(t, rises, 1.0) + [rocks[-1, 0], 0.0, 0.0]
+    path = np.concatenate([still(lands[0], 100), lands, rocks, hops, still(hops[-1], 100)])
+    path = path + 1e-4 * np.random.default_rng(0).standard_normal(path.shape)
+    track = follow(np.arange(len(path)) / 250.0, path, G)
+    flights = find_flights(track, -G * UP["z"])
+    assert len(flights) == 2
+    assert len(cut_drops(track, path[:, 2], flights, 0.035)) == tosses

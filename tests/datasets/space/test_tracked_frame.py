@@ -109,6 +109,23 @@ def test_a_shape_of_the_wrong_size_is_doubted(factor):
     assert "the lowest point of the shape is off the surface, by" in found.doubt
 
 
+def slowly_filmed(shape: str, seed: int, rate: float) -> TrackedFrame:
+    header = rig(shape, seed)
+    made = simulate_tosses(header, 16, np.random.default_rng(seed), noise=NOISE, rate=rate)
+    return found_in(header, made.trajectories)
+
+
+def test_hits_whose_instant_is_uncertain_at_a_low_rate_do_not_put_the_shape_in_doubt():
+    assert slowly_filmed("cube", 1, 60.0).doubt == ""
+
+
+def test_too_few_touches_that_agree_are_counted():
+    with pytest.raises(
+        UserError, match=r"^5 of 6 hits and rests after free flights agree on one .* but 6 must: record"
+    ):
+        slowly_filmed("box 5:4:3", 0, 45.0)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("shape", ["box 3:2:1", "cube"])
 def test_rests_on_several_faces_give_it_without_a_hit(shape):

@@ -15,20 +15,28 @@ from scipy.spatial.transform import Rotation
 from thesis_lib.datasets.checks.copied_releases import copied_releases, copies_text
 from thesis_lib.datasets.checks.jumps import NO_JUMPS, Jumps, place_jumps, turn_jumps
 from thesis_lib.datasets.checks.known_body import FILE, LARGEST_BODY, LARGEST_SPEED, METRES, ONE_UNIT, unlike_column
-from thesis_lib.datasets.checks.releases import OFF_SURFACE, releases_and_catches
+from thesis_lib.datasets.checks.releases import OFF_SURFACE, height_at_hits, releases_and_catches
 from thesis_lib.datasets.checks.trajectories import DENSEST, LARGEST_GRAVITY, runs_of
 from thesis_lib.datasets.format.frames import body_states, surface_frames, tracked_states
 from thesis_lib.datasets.format.header import SpaceHeader
 from thesis_lib.datasets.format.samples import Samples, noise_from_differences
 from thesis_lib.datasets.format.table_forms import POSITION, QUATERNION, V_POST_IN_SPACE, V_PRE_IN_SPACE
 from thesis_lib.datasets.format.validate import UsableRows, ValidationReport
-from thesis_lib.datasets.space.falling_body import SCALES, better_reading, falling, reading_that_falls, too_few_fall
+from thesis_lib.datasets.space.falling_body import (
+    SCALES,
+    better_reading,
+    falling,
+    reading_that_falls,
+    settled_fall,
+    too_few_fall,
+)
 from thesis_lib.datasets.space.flights import find_flights, follow, inner_samples
 from thesis_lib.datasets.space.motion import Motion, conjugate
 from thesis_lib.statistics.spread import robust_mean
 from thesis_lib.statistics.wording import plural
 
 FEWEST = 20  # samples needed to judge a motion
+FEWEST_HITS = 5  # needed to judge the surface
 PAUSE = 10.0  # s between trials on one clock
 OBLIQUE = np.radians(3.0)  # between stated and measured gravity; a camera levelled by eye stays within
 SLOWER, SURELY = 0.02, 4.0  # share, and standard errors, by which the fall may differ from gravity
@@ -47,7 +55,9 @@ class MotionFacts:
     """Findings from the samples: free flights, their median acceleration (m/s²), and faults of the poses.
 
     `held`: trials that begin before the release, with its time in s.  `in_the_air`: trials whose last flight ends off
-    the surface, with that time in s: caught, out of view, or beyond the table's edge.
+    the surface, with that time in s: caught, out of view, or beyond the table's edge.  `hits`: flights that another one
+    follows at once; `off_surface`: height in m of the body's lowest point at them, 0 if it is on the surface.
+    `oblique`: direction (3,) of the fall, and number of the flights along it, if it is not that of gravity as stated.
     """
 
     flights: int
@@ -59,6 +69,9 @@ class MotionFacts:
     fall_error: float = 0.0  # m/s², standard error of the size of `fall`
     held: Mapping[int, float] = field(default_factory=dict)
     in_the_air: Mapping[int, float] = field(default_factory=dict)
+    oblique: tuple[np.ndarray, int] | None = None
+    hits: int = 0
+    off_surface: float = 0.0
 
 
 def motion_facts(table: pd.DataFrame, header: SpaceHeader) -> MotionFacts:
@@ -90,7 +103,11 @@ def motion_facts(table: pd.DataFrame, header: SpaceHeader) -> MotionFacts:
         tensor = R.T @ header.body.inertia_per_mass @ R
         facts = replace(facts, reading=better_reading(motion, track, flights, tensor))
     held, in_the_air = releases_and_catches(table[rows], t, track, flights, header)
-    return replace(facts, flights=len(flights), fall=fall, fall_error=error, held=held, in_the_air=in_the_air)
+    if np.arccos(np.clip(down @ g / size, -1.0, 1.0)) > OBLIQUE:
+        facts = replace(facts, oblique=settled_fall(track, g))
+    facts = replace(facts, flights=len(flights), fall=fall, fall_error=error, held=held, in_the_air=in_the_air)
+    hits, off = height_at_hits(table[rows], t, track, flights, header)
+    return replace(facts, hits=hits, off_surface=off)
 
 
 def _motion(table: pd.DataFrame) -> Motion:
@@ -172,14 +189,15 @@ def check_motion(table: UsableRows, header: SpaceHeader) -> None:
     if found := unlike_column(noise, position, header.body.solid.extent):
         return table.error(f"column {POSITION[found[0]]}", found[1], ONE_UNIT)
     g, facts = np.array(header.gravity), motion_facts(table.data, header)
-    down = np.full(3, np.nan) if facts.fall is None else facts.fall / np.linalg.norm(facts.fall)
     if g.any() and too_few_fall(facts.flights, len(np.unique(trial))) and _wrong_length(table, header):
         return None
     if g.any() and not facts.flights:
         _nothing_falls(table, header)
-    elif g.any() and (off := np.arccos(np.clip(down @ g / np.linalg.norm(g), -1.0, 1.0))) > OBLIQUE:
+    elif facts.oblique is not None:
+        down, number = facts.oblique
+        off = np.arccos(np.clip(down @ g / np.linalg.norm(g), -1.0, 1.0))
         shown = ", ".join(f"{value:.3f}" for value in down * np.linalg.norm(g))
-        what = f"{_fall(facts.flights)} {np.degrees(off):.1f}° off the stated gravity"
+        what = f"{_fall(number)} {np.degrees(off):.1f}° off the stated gravity"
         table.report.warn(
             FILE, "gravity", what, f"if the axes of the recording are not level, write gravity: [{shown}]"
         )
@@ -188,6 +206,10 @@ def check_motion(table: UsableRows, header: SpaceHeader) -> None:
     if facts.reading:
         what = f"in free flight the body does not move like a free body; if read {facts.reading}, it does"
         table.warn("columns qw, qx, qy, qz", what, "find out how the recording was written, and convert it")
+    if facts.hits >= FEWEST_HITS and (off := facts.off_surface):
+        side = "below" if off < 0.0 else "above"
+        what = f"at {facts.hits} hits the lowest point of the body is {abs(off):.3g} m {side} the surface (median)"
+        table.warn("columns x, y, z", what, "check the surface, the shape, `tracked`, and the unit of length")
     _check_jumps(table, facts)
     _check_repeated(table)
     if copies := copied_releases(trial, t, position @ header.planes[0][1]):

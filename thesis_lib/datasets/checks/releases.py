@@ -1,5 +1,6 @@
-"""Releases and catches: where the flights of trials in space begin from a hand, and where they end in the air."""
+"""Ends of flights in space: where they begin from a hand or end in the air, and how high the body is at its hits."""
 
+import itertools
 from collections.abc import Sequence
 
 import numpy as np
@@ -8,6 +9,7 @@ import pandas as pd
 from thesis_lib.datasets.format.frames import body_states, surface_frames, tracked_states
 from thesis_lib.datasets.format.header import SpaceHeader
 from thesis_lib.datasets.space.flights import Track
+from thesis_lib.datasets.space.touches import BETWEEN
 
 HELD = 0.1  # s before the first flight, in which a body counts as held
 OFF_SURFACE = 0.2  # extents of the body, by which its lowest point may be off the surface at hits
@@ -39,6 +41,22 @@ def releases_and_catches(
     return _by_trial(starts, trial, own), _by_trial(ends, trial, own)
 
 
+def height_at_hits(
+    table: pd.DataFrame, t: np.ndarray, track: Track, flights: Sequence[slice], header: SpaceHeader
+) -> tuple[int, float]:
+    """Number of hits between two flights, and the median height (m) of the body's lowest point above its surface there.
+
+    The height is 0 if the body is at most of them within its reach of the surface.  `t` as in `releases_and_catches`.
+    """
+    trial, pause = table["trial"].to_numpy(), BETWEEN * float(np.median(np.diff(t)))
+    pairs = [(before.stop - 1, after.start) for before, after in itertools.pairwise(flights)]
+    rows = np.array([end for end, start in pairs if trial[end] == trial[start] and t[start] - t[end] < pause], int)
+    if not len(rows) or header.tracked is None or header.surfaces is not None:
+        return len(rows), 0.0
+    height, reach = _height_and_reach(rows, table, t, track, header)
+    return len(rows), float(np.median(height)) if np.mean(np.abs(height) > reach) > 0.5 else 0.0
+
+
 def _falls_before(start: int, t: np.ndarray, track: Track, gravity: np.ndarray) -> bool:
     """Whether the body falls in most of the last `HELD` s before a flight: noise has cut its flight in two."""
     before = track.a[np.searchsorted(t, t[start] - HELD) : start] @ gravity / (gravity @ gravity)
@@ -54,6 +72,14 @@ def _off_surface(rows: np.ndarray, table: pd.DataFrame, t: np.ndarray, track: Tr
     """Mask (n,) of samples in which the body is farther off the surface than it moves until the next sample."""
     if not len(rows):
         return np.zeros(0, bool)
+    height, reach = _height_and_reach(rows, table, t, track, header)
+    return height > reach
+
+
+def _height_and_reach(
+    rows: np.ndarray, table: pd.DataFrame, t: np.ndarray, track: Track, header: SpaceHeader
+) -> tuple[np.ndarray, np.ndarray]:
+    """Heights (n,) of the lowest point above the surface, and up to which they may be uncertain, both in m."""
     (frame,) = surface_frames(header)
     states = frame.seen(body_states(tracked_states(table.iloc[rows]), header))
     solid, trial = header.body.solid.about(header.body.centre), table["trial"].to_numpy()
@@ -61,4 +87,4 @@ def _off_surface(rows: np.ndarray, table: pd.DataFrame, t: np.ndarray, track: Tr
     after = np.minimum(rows + 1, len(t) - 1)
     lasts = np.where(trial[after] == trial[rows], t[after] - t[rows], 0.0)
     reach = OFF_SURFACE * solid.extent + 2.0 * np.nan_to_num(speed) * np.maximum(lasts, float(np.median(np.diff(t))))
-    return states.height + solid.lowest(states.attitude)[2] > reach
+    return states.height + solid.lowest(states.attitude)[2], reach

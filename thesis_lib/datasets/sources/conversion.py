@@ -120,8 +120,8 @@ class Recorded:
             f"instead of {self.rig.g:g}: the positions were smoothed, or the body was not released."
         )
 
-    def no_drop(self, drops: Sequence[Drop], height: np.ndarray) -> str:
-        """Advice if no drop can be used; `height` (n,) in m is the height of the body's lowest point."""
+    def no_drop(self, drops: Sequence[Drop], height: np.ndarray, surface: float) -> str:
+        """Advice if no drop can be used; `height` (n,) in m is that of the body's lowest point above `surface` in m."""
         if all(drop.left_out == SPATIAL for drop in drops):
             return (
                 f"all {len(drops)} trials have more than {MOST_OUT:.0%} of their energy out of the plane: the "
@@ -130,10 +130,9 @@ class Recorded:
             )
         ends = [height[drop.flights[-1].stop - 1] for drop in drops if drop.flights]
         low = float(np.median(ends))
-        surface = (self.rig.surface_height or 0.0) + low
         return (
             f"none of {len(drops)} drops reaches the surface: their falls end {low:.3f} m above it (median). Is the "
-            f"surface at {surface:.3f} m (--surface-height)? Are the shape and --frame right?"
+            f"surface at {surface + low:.3f} m (--surface-height)? Are the shape and --frame right?"
         )
 
 
@@ -204,11 +203,13 @@ def as_dataset(
     return Dataset(name, _validated(Header, content), poses, has_angle=has_angle)
 
 
-def solid_dataset(recorded: Recorded, up: np.ndarray, found: TrackedFrame | None = None) -> Dataset:
+def solid_dataset(
+    recorded: Recorded, up: np.ndarray, found: TrackedFrame | None = None, height: float = 0.0
+) -> Dataset:
     """The dataset of a body in space, without its tables; `up` (3,) points against gravity.
 
     Tracked frame and surface are taken from `found`, except for a surface of given height.  Without `found`, the
-    tracked frame is the frame of the shape, and the surface is at the given height, or at 0.
+    tracked frame is the frame of the shape, and the surface is at the given height, or at `height` in m along `up`.
 
     UserError if a value of the experiment is impossible, or a mesh is not closed.
     """
@@ -219,7 +220,7 @@ def solid_dataset(recorded: Recorded, up: np.ndarray, found: TrackedFrame | None
         body["center_of_mass"] = rig.center_of_mass
     if rig.size_uncertainty is not None:
         body["uncertainty"] = {"size": rig.size_uncertainty}
-    point, normal = (rig.surface_height or 0.0) * up, up
+    point, normal = (height if rig.surface_height is None else rig.surface_height) * up, up
     if found is not None and rig.surface_height is None:
         point, normal = found.point, found.normal
     content = {

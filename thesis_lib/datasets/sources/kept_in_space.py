@@ -1,9 +1,11 @@
 """Conversion of a motion in space without projection: gravity, table, tracked frame and tosses from the motion."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 import pandas as pd
+from scipy.spatial.transform import Rotation
 
 from thesis_lib.bodies.solid_body import SolidBody
 from thesis_lib.datasets.format.frames import body_states, surface_frames
@@ -11,9 +13,10 @@ from thesis_lib.datasets.format.samples import sampling_period
 from thesis_lib.datasets.format.table_forms import POSE_IN_SPACE
 from thesis_lib.datasets.sources.conversion import Conversion, Recorded, solid_dataset
 from thesis_lib.datasets.space.drops import IN_THE_AIR, Drop, cut_drops, until_rest, whole_pieces
-from thesis_lib.datasets.space.falling_body import better_reading, falling, reading_that_falls
-from thesis_lib.datasets.space.flights import find_flights, follow, too_slow
+from thesis_lib.datasets.space.falling_body import better_reading, falling, reading_that_falls, settled_fall
+from thesis_lib.datasets.space.flights import Track, find_flights, follow, too_slow
 from thesis_lib.datasets.space.motion import Motion
+from thesis_lib.datasets.space.touches import table_height
 from thesis_lib.datasets.space.tracked_frame import TrackedFrame, find_tracked_frame
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.mechanics.space import SPACE, rotation_matrix
@@ -22,6 +25,7 @@ from thesis_lib.statistics.wording import plural
 
 LEVEL = 2e-3  # rad between the upward axis and the fall, up to which they count as parallel
 OFTEN = 0.25  # of the trials: fewer flights do not determine the upward direction
+OBLIQUE = np.radians(3.0)  # between a given upward direction and the fall; an axis levelled by eye stays within
 OFF_TABLE = 2e-3  # m; larger differences between the given and the estimated height of the table are reported
 
 
@@ -59,7 +63,9 @@ def keep_in_space(recorded: Recorded) -> Conversion:
             f"up is ({shown}) in the axes of the recording, opposite the fall in {plural(len(flights), 'free flight')}"
         )
     recorded.require(flights)
-    dataset = solid_dataset(recorded, up, found)
+    warnings = [text] if view.up_is_given and (text := _oblique(track, up, size)) else []
+    estimated = found is None and rig.surface_height is None
+    dataset = solid_dataset(recorded, up, found, _table_height(recorded, body, flights, up) if estimated else 0.0)
     header = dataset.in_space
     assert header.tracked is not None
     if found is not None and rig.surface_height is not None:
@@ -85,7 +91,7 @@ def keep_in_space(recorded: Recorded) -> Conversion:
     if view.cut:
         notes.append(f"{len(drops)} drops cut out of the recording, {len(drops) - len(used)} left out: {IN_THE_AIR}")
     if not used:
-        raise UserError(recorded.no_drop(drops, height))
+        raise UserError(recorded.no_drop(drops, height, float(header.planes[0][0] @ up)))
     parts = [_rows(drop, turned, everything.piece, view.cut) for drop in used]
     rows, count = np.concatenate(parts), [len(part) for part in parts]
     whole = everything.motion
@@ -93,7 +99,7 @@ def keep_in_space(recorded: Recorded) -> Conversion:
     pose = np.concatenate([whole.position, whole.quaternion[:, [3, 0, 1, 2]]], axis=1)[rows]
     columns = {"trial": np.repeat([drop.trial for drop in used], count), "t": whole.t[rows] - start}
     poses = pd.DataFrame(columns | dict(zip(POSE_IN_SPACE, pose.T)))
-    warnings = [found.doubt] if found is not None and found.doubt else []
+    warnings += [found.doubt] if found is not None and found.doubt else []
     return Conversion(replace(dataset, trajectories=poses, has_angle=motion.oriented), notes, warnings)
 
 
@@ -108,6 +114,38 @@ def _misread(motion: Motion, what: str, other: str) -> UserError:
     return UserError(
         f"{motion.source}: read as stated, {what}. It does with {other}. Find out how the log was written; state it."
     )
+
+
+def _oblique(track: Track, up: np.ndarray, gravity: float) -> str:
+    """Sentence on flights that fall in another direction than opposite the given `up` (3,), "" if they do not."""
+    fall = settled_fall(track, -gravity * up)
+    if fall is None or (off := np.arccos(np.clip(-fall[0] @ up, -1.0, 1.0))) < OBLIQUE:
+        return ""
+    shown = ",".join(f"{value:.4f}" for value in -fall[0] + 0.0)
+    return (
+        f"{plural(fall[1], 'free flight')} fall{'s' * (fall[1] == 1)} {np.degrees(off):.1f}° off the direction "
+        f"opposite --up, with which others may be missed: if the axes of the recording are not level, give --up={shown}"
+    )
+
+
+def _table_height(recorded: Recorded, body: SolidBody, flights: Sequence[slice], up: np.ndarray) -> float:
+    """Height in m along `up` (3,) at which a body with a given tracked frame hits and rests; adds a note on it."""
+    motion, notes = recorded.motion, recorded.notes
+    turned = Rotation.from_quat(motion.quaternion) if motion.oriented else Rotation.identity(len(motion))
+    try:
+        height, met = table_height(
+            recorded.piece, motion.t, motion.position, turned, body, flights, -recorded.rig.g * up
+        )
+    except UserError as error:
+        notes.append(f"the surface is assumed at height 0 along up: {error} Give --surface-height if it is elsewhere.")
+        return 0.0
+    rests = int(met.rests.sum())
+    notes.append(
+        f"the surface is at {height:.4g} m along up, where the lowest point of the shape is at "
+        f"{plural(len(met.rests) - rests, 'hit')} and {plural(rests, 'rest')} (median); if it is elsewhere, give "
+        "--surface-height"
+    )
+    return height
 
 
 def _tracked_frame(recorded: Recorded, body: SolidBody) -> TrackedFrame | None:

@@ -69,7 +69,7 @@ def project(recorded: Recorded) -> Conversion:
     used = [drop for drop in drops if not drop.left_out]
     notes += _drops_text(drops, impacts, view.cut)
     if not used:
-        raise UserError(recorded.no_drop(drops, height))
+        raise UserError(recorded.no_drop(drops, height, rig.surface_height or 0.0))
     rows = np.concatenate([np.arange(drop.start, drop.stop) for drop in used])
     poses = pd.DataFrame(q[rows], columns=["x", "y", "theta"])[["x", "y", *(["theta"] if motion.oriented else [])]]
     poses = poses.assign(t=motion.t[rows], trial=np.repeat([d.trial for d in used], [d.stop - d.start for d in used]))

@@ -1,8 +1,8 @@
 """One long recording cut into drops: chains of free flights with impacts between them.
 
 A drop begins with a free flight that ends at the surface.  It continues through impacts, as long as the next flight
-begins soon, and ends shortly after its last flight, or with it if the body is caught in the air.  Motions by hand
-between drops are not flights.
+begins soon, or the body neither rests nor is lifted before it.  It ends shortly after its last flight, or with it if
+the body is caught in the air.  Motions by hand between drops are not flights.
 """
 
 import itertools
@@ -12,9 +12,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pandas as pd
 
-from thesis_lib.datasets.space.flights import Track
+from thesis_lib.datasets.space.flights import SHORTEST, Track, inner, inner_samples
 
-CONTACT = 0.15  # s between flights of one drop: hits in quick succession, rolling over a corner
+CONTACT = 0.15  # s between flights of one drop, whatever happens: hits in quick succession, rolling over a corner
+REST = 0.1  # s for which a body is still only at rest, or in a hand
 TAIL = 0.1  # s kept after the last flight: its impact, and how the body comes to rest
 STILL, SETTLES, RESTS = 0.02, 3.0, 0.5  # m/s, speed limit of a rest; s, longest time until it; s of it that are kept
 NEAR = 0.25  # extents of the body above the surface that count as contact, as height and angle are uncertain
@@ -60,8 +61,7 @@ def cut_drops(track: Track, height: np.ndarray, flights: Sequence[slice], extent
         v = track.v[flight]
         last = v[np.isfinite(v).all(axis=1)][-1:]
         lands = np.min(height[soon]) < NEAR * extent + 2.0 * pause * np.linalg.norm(last)
-        follows = bool(chains) and t[flight.start] - t[chains[-1][0][-1].stop - 1] < CONTACT
-        if follows and chains[-1][1]:
+        if chains and chains[-1][1] and _goes_on(track, height, chains[-1][0][-1], flight, flights, extent):
             chains[-1] = ([*chains[-1][0], flight], lands)
         else:
             chains.append(([flight], lands))
@@ -73,6 +73,33 @@ def cut_drops(track: Track, height: np.ndarray, flights: Sequence[slice], extent
         reason = "" if lands or len(chain) > 1 else IN_THE_AIR
         drops.append(Drop(trial, chain[0].start, stop, tuple(chain), lands, reason))
     return drops
+
+
+def _goes_on(
+    track: Track, height: np.ndarray, last: slice, flight: slice, flights: Sequence[slice], extent: float
+) -> bool:
+    """Whether a flight belongs to the same drop as the one before it, `last`, which ends at the surface.
+
+    Flights are found without their ends and only if they are long enough: between two of them a body may hop or rock.
+    It stays as low as such a hop, does not come to rest, and flies no higher than before by more than its size.
+    """
+    t, a, b = track.t, last.stop - 1, flight.start
+    if t[b] - t[a] < CONTACT:
+        return True
+    between, fall = slice(a, b + 1), np.nanmedian(track.a[inner_samples(flights, track)], axis=0)
+    g, step = float(np.linalg.norm(fall)), float(np.median(np.diff(t)))
+    hop = g * ((2 * track.half + SHORTEST) * step) ** 2 / 8.0
+    high = height[between] > extent + hop
+    lifted = high[int(np.argmin(high)) :].any()  # once it is low; the end of its fall may not have been found
+    if t[b] - t[a] > SETTLES or np.max(np.diff(t[between])) > CONTACT or lifted:
+        return False
+    still = np.linalg.norm(track.v[between], axis=1) < STILL
+    edges = np.flatnonzero(np.diff(np.r_[False, still, False].astype(int)))
+    if any(t[a + end - 1] - t[a + first] > REST for first, end in zip(edges[::2], edges[1::2])):
+        return False
+    ends = (inner(last, track).stop - 1, inner(flight, track).start)
+    before, after = (float(track.v[at] @ track.v[at]) / (2.0 * g) + height[at] for at in ends)
+    return bool(after < before + extent)
 
 
 def until_rest(drops: Sequence[Drop], track: Track, height: np.ndarray, extent: float) -> list[Drop]:

@@ -32,7 +32,16 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from thesis_lib.datasets.space.flights import NEAR_G, Track, find_flights, follow, inner, parabolas, smoothed_turning
+from thesis_lib.datasets.space.flights import (
+    NEAR_G,
+    Track,
+    find_flights,
+    follow,
+    inner,
+    inner_samples,
+    parabolas,
+    smoothed_turning,
+)
 from thesis_lib.datasets.space.motion import Motion, turning
 from thesis_lib.foundation.errors import UserError
 
@@ -44,6 +53,7 @@ BETTER = 1.3  # typical misfit of windows as stated over that of another reading
 FALLS = 0.03  # typical misfit over g below which the stated reading is accepted, even if another fits the noise better
 FEWEST = 20  # windows by which readings are compared
 ROUNDS = 3  # times that flights are found again with the centre of mass from the last fit
+SETTLING, SETTLED = 20, 2e-3  # most times that flights are found about their fall; rad by which it may still turn
 ODD = 3.0  # median misfits of a flight, from which on it is left out
 # units that lengths in m may really have, and the factors to m
 SCALES = {"": 1.0, "mm": 1e-3, "cm": 1e-2, "inches": 0.0254, "millimetres read as centimetres": 0.1}
@@ -208,6 +218,26 @@ def falling(
             found[unit] = unit, down, number
     best = max(found.values(), key=lambda one: one[2], default=None)
     return found[""] if best and "" in found and best[2] < MANY * found[""][2] else best
+
+
+def settled_fall(track: Track, gravity: np.ndarray) -> tuple[np.ndarray, int] | None:
+    """Direction (3,) of the fall and number of the flights, from `gravity` (3,) in m/s², whose direction may be rough.
+
+    Flights are found again about the fall of those before, until its direction settles: about a wrong direction only
+    those are found that happen to lie near it.  None if there is no flight.
+    """
+    size, found = float(np.linalg.norm(gravity)), None
+    down = gravity / size
+    for _ in range(SETTLING):
+        flights = find_flights(track, size * down)
+        if not flights:
+            break
+        fall = np.nanmedian(track.a[inner_samples(flights, track)], axis=0)
+        before, down = down, fall / np.linalg.norm(fall)
+        found = down, len(flights)
+        if np.linalg.norm(down - before) < SETTLED:
+            break
+    return found
 
 
 def too_few_fall(flights: int, trials: int) -> bool:

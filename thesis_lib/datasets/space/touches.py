@@ -1,10 +1,12 @@
 """Touches of a falling body on its table: hits between two flights, and rests after them."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from thesis_lib.bodies.solid_body import SolidBody
 from thesis_lib.datasets.space.falling_body import FallingBody
 from thesis_lib.datasets.space.flights import parabolas
 from thesis_lib.foundation.errors import UserError
@@ -14,6 +16,7 @@ KICK = 0.3  # m/s, least change of velocity of a hit; its instant is where two p
 BESIDE = 12  # samples beside a hit from which the rotation is extrapolated to it
 STILL = (0.02, 0.2, 1.0)  # m/s, rad/s, m/s²: a body at rest is slower, over ...
 LASTING = 0.1  # s
+NEAR = 0.1  # extents of the body from the table, within which it rests on it
 LATER = 3.0  # s after a flight, within which a body comes to rest on the surface that it hit
 
 
@@ -26,6 +29,7 @@ class Touches:
         attitude: (k) rotations of the tracked frame's axes into those of the recording.
         velocity, spin: (k, 3) in m/s and rad/s just before the touch, 0 at rest.
         rests: (k,) whether the body rests; else it hits.
+        step: s between samples, within which a second hit may go unseen.
     """
 
     place: np.ndarray
@@ -33,6 +37,7 @@ class Touches:
     velocity: np.ndarray
     spin: np.ndarray
     rests: np.ndarray
+    step: float
 
 
 def touches(trial: np.ndarray, t: np.ndarray, position: np.ndarray, turned: Rotation, body: FallingBody) -> Touches:
@@ -41,10 +46,11 @@ def touches(trial: np.ndarray, t: np.ndarray, position: np.ndarray, turned: Rota
     Raises:
         UserError: there is neither a hit nor a rest.
     """
-    found, pause = [], BETWEEN * float(np.median(np.diff(t)))
+    found, step = [], float(np.median(np.diff(t)))
     for before, after in zip(body.flights[:-1], body.flights[1:]):
         end, start = before.stop - 1, after.start
-        if trial[end] == trial[start] and t[start] - t[end] < pause and (hit := _hit(t, turned, body, before, after)):
+        soon = trial[end] == trial[start] and t[start] - t[end] < BETWEEN * step
+        if soon and (hit := _hit(t, turned, body, before, after)):
             found.append((*hit, False))
     for rows in _rests(trial, t, position, turned, body):
         mean = turned[rows].mean()
@@ -52,7 +58,34 @@ def touches(trial: np.ndarray, t: np.ndarray, position: np.ndarray, turned: Rota
     if not found:
         raise UserError("no hit and no rest follows a free flight.")
     place, attitude, velocity, spin, rests = zip(*found)
-    return Touches(np.array(place), Rotation.concatenate(attitude), np.array(velocity), np.array(spin), np.array(rests))
+    states = np.array(place), Rotation.concatenate(attitude), np.array(velocity), np.array(spin), np.array(rests)
+    return Touches(*states, step)
+
+
+def table_height(
+    trial: np.ndarray,
+    t: np.ndarray,
+    position: np.ndarray,
+    turned: Rotation,
+    body: SolidBody,
+    flights: Sequence[slice],
+    gravity: np.ndarray,
+) -> tuple[float, Touches]:
+    """Height of the table in m, opposite `gravity` (3,) in m/s², of a body whose tracked frame is that of its shape.
+
+    It is the median height of the lowest point of the shape at the touches, which are returned, too; where the body
+    rests at about this height, at those rests, since hits appear a little too low.
+
+    Raises:
+        UserError: there is neither a hit nor a rest.
+    """
+    path = position + turned.apply(body.centre)
+    falls = FallingBody(body.centre, gravity, np.zeros((6, 6)), list(flights), path)
+    met, up = touches(trial, t, position, turned, falls), -gravity / np.linalg.norm(gravity)
+    lowest = body.solid.about(body.centre).lowest(met.attitude.as_quat(scalar_first=True).T, up[:, None]).T
+    height = (met.place + lowest) @ up
+    rests = met.rests & (np.abs(height - np.median(height)) < NEAR * body.solid.extent)
+    return float(np.median(height[rests] if rests.any() else height)), met
 
 
 def _hit(t: np.ndarray, turned: Rotation, body: FallingBody, before: slice, after: slice):

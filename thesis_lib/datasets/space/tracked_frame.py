@@ -44,6 +44,7 @@ ODD = 3.0  # sigmas, beyond which a touch is ascribed to another object
 MISFIT = 0.06  # of the extent, by which most touches may be off the table
 OPEN = (0.1, 0.15)  # rad, and of the extent: larger uncertainties are reported as open
 FAR = 0.05  # extents by which a touch is clearly off the table
+UNSEEN = 0.1  # of the distance that a body moves in one step, by which a touch may be farther off
 OFTEN, SEVERAL = 0.1, 3  # share and number of such touches, from which on the shape is doubted
 CHANCE = 20.0  # in χ², by which another rotation must fit worse
 
@@ -213,10 +214,15 @@ class _Fit:
         self.used = np.abs(self.gaps(R, x)) < ODD * self.sigma[0]
         self.used[rests] &= np.linalg.norm(self.slants(R, x), axis=1) < ODD * self.sigma[1]
         off = float(np.median(np.abs(self.gaps(R, x))))
-        if off > MISFIT * self.solid.extent or self.used.sum() < FEWEST:
+        if off > MISFIT * self.solid.extent:
             raise UserError(
                 f"at the touches the body is {1e3 * off:.2g} mm off its table in any pose (median): check the shape, "
                 "the units and the rotations."
+            )
+        if (number := int(self.used.sum())) < FEWEST:
+            raise UserError(
+                f"{number} of {len(self.used)} hits and rests after free flights agree on one pose and one table, but "
+                f"{FEWEST} must: record more tosses, until the body lies still, on different faces."
             )
         cost, R, x, jac = self.fitted(R, x, "linear")
         free = int(self.used.sum() + 2 * self.used[rests].sum()) - 7
@@ -276,9 +282,13 @@ class _Fit:
         )
 
     def doubt(self, R: np.ndarray, x: np.ndarray) -> str:
-        """Sentence on a shape whose lowest point is often clearly off the table, "" if it is not."""
-        off = np.abs(self.gaps(R, x))
-        far = off[off > FAR * self.solid.extent]
+        """Sentence on a shape whose lowest point is often clearly off the table, "" if it is not.
+
+        At a low rate the instant of a hit is uncertain, the more if two hits lie within one step.
+        """
+        off, met = np.abs(self.gaps(R, x)), self.met
+        speed = np.linalg.norm(met.velocity, axis=1) + np.linalg.norm(met.spin, axis=1) * self.solid.extent
+        far = off[off > FAR * self.solid.extent + UNSEEN * speed * met.step]
         if len(far) < max(SEVERAL, OFTEN * len(off)):
             return ""
         return (
