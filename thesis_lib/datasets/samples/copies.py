@@ -66,8 +66,8 @@ def originals(samples: Samples) -> tuple[np.ndarray, str]:
     if _in_step(first[moving & (length > 0)], share):
         return keep, said + (
             "as in video converted to a higher rate, or a tracker that is logged faster than it measures "
-            f"({rate:.3g} pictures a second made of {rate * (1.0 - share):.3g}): the copies are left out as lost frames. "
-            "Export the pictures as they were taken."
+            f"({rate:.3g} pictures a second made of {rate * (1.0 - share):.3g}): the copies are left out as lost "
+            "frames. Export the pictures as they were taken."
         )
     return keep, said + (
         "now and then, as from a tracker that holds its last pose where it loses the body: the copies are left out as "

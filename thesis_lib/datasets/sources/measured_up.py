@@ -72,7 +72,7 @@ def _measured(recorded: Recorded, track: Track, omega: np.ndarray) -> tuple[np.n
         flights = find_flights(track, size * a / np.linalg.norm(a))
     least = LEAN + SIGMAS * np.linalg.norm(each.std(axis=0)) / np.sqrt(len(each)) / np.linalg.norm(a)
     up = -a / np.linalg.norm(a)
-    if _angle(up, view.up) < least:
+    if too_few_fall(len(flights), trials) or _angle(up, view.up) < least:
         return None
     try:
         rows = inner_samples(flights, track)
