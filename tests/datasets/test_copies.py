@@ -35,7 +35,10 @@ PATTERNS: dict[str, Callable[[int], np.ndarray]] = {
     "every fifth": lambda n: np.arange(n) % 5 == 4,
     "every second": lambda n: np.arange(n) % 2 == 1,
     "two of three": lambda n: np.arange(n) % 3 > 0,
+    "four of five": lambda n: np.arange(n) % 5 > 0,
+    "two of five": lambda n: np.floor(np.arange(n) * 0.6) == np.floor((np.arange(n) - 1) * 0.6),
     "now and then": lambda n: np.random.default_rng(0).random(n) < 0.05,
+    "in a row": lambda n: np.convolve(np.random.default_rng(0).random(n) < 0.02, np.ones(2))[:n] > 0.0,
 }
 
 
@@ -47,6 +50,9 @@ def test_copies_are_left_out(flights: Flights, pattern: str, digits: int) -> Non
     samples = make_samples(flights.trial, flights.t, q, flights.header, ArcSettings())
     kept, said = without_copies(samples)
     assert "repeat the previous one" in said and "as lost frames" in said
+    held = pattern in ("now and then", "in a row")
+    assert ("holds its last pose" in said and "nothing to do" in said) == held
+    assert ("video converted" in said and "Export the pictures" in said) == (not held)
     stays = np.isin(samples.trial * 1e3 + samples.t, kept.trial * 1e3 + kept.t)
     assert (~stays[copy]).mean() > FOUND
     assert stays[~copy].mean() > FOUND

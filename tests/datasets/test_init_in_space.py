@@ -15,8 +15,11 @@ from thesis_lib.commands.datasets import main
 from thesis_lib.datasets import read_dataset
 from thesis_lib.datasets.sources.logs import convert
 from thesis_lib.datasets.sources.tables.options import Reading
+from thesis_lib.datasets.sources.tables.pose import read_quaternion_tables
 from thesis_lib.datasets.sources.tables.rig_options import RigOptions, parse_shape
 from thesis_lib.datasets.space.flights import too_slow
+from thesis_lib.datasets.space.motion import Motion
+from thesis_lib.foundation.errors import UserError
 
 Q = ["qw", "qx", "qy", "qz"]
 SHAPE = ["--shape", "box:0.1,0.08,0.06"]
@@ -64,6 +67,30 @@ def test_of_several_bodies_in_a_table_one_is_named(tmp_path, capsys, form):
     code, made = init(tmp_path, log, *options, "--body", "brick")
     assert code == 0
     np.testing.assert_allclose(made.trajectories[["t", "x", "y", "z"]], frame[["t", "x", "y", "z"]], atol=1e-12)
+
+
+def test_numbers_that_take_turns_at_equal_times_name_bodies_and_numbers_of_trials_do_not(tmp_path):
+    """Tags on a cube: each picture shows some of them; runs: blocks of rows, with a clock each or one for all."""
+
+    def read(log: pd.DataFrame, body: str | None = None) -> Motion:
+        log.to_csv(tmp_path / "log.csv", index=False)
+        return read_quaternion_tables([tmp_path / "log.csv"], Reading(quaternion="wxyz", body=body), [], [])[0]
+
+    frame = flights(trials=1, frames=40).drop(columns="trial")
+    seen = {tag: np.random.default_rng(tag).random(len(frame)) < 0.7 for tag in (3, 0, 13)}
+    log = pd.concat([frame[rows].assign(tag_id=tag, x=frame["x"] + tag) for tag, rows in seen.items()])
+    log = log.sort_values("t", kind="stable")
+    for body, said in (
+        (None, r"has 3 bodies \(column tag_id\): .*13.* Choose one with --body"),
+        ("1", "has no body '1'"),
+    ):
+        with pytest.raises(UserError, match=said):
+            read(log, body)
+    for tag, rows in seen.items():
+        np.testing.assert_allclose(read(log, str(tag)).position[:, 0], frame["x"][rows] + tag)
+    one = frame.iloc[:20].assign(run=0)
+    for start in (0.0, one["t"].iloc[-1]):  # the second run begins at the stamp at which the first ends
+        assert len(read(pd.concat([one, one.assign(run=1, t=one["t"] + start)]))) == 40
 
 
 @pytest.mark.slow

@@ -8,6 +8,9 @@ from tests.datasets import exports
 from tests.datasets.in_space import Take, take
 from thesis_lib.commands.datasets import main
 from thesis_lib.datasets import read_dataset
+from thesis_lib.datasets.sources.logs import convert
+from thesis_lib.datasets.sources.tables.options import Reading
+from thesis_lib.datasets.sources.tables.rig_options import RigOptions, parse_shape
 
 SHAPE = ("--shape", "ellipse:0.035,0.025", "--k-g", "0.019235")
 DROPS = 8
@@ -114,17 +117,36 @@ def test_a_bag_of_ros(tmp_path, recorded, ending, message):
     same_drops(tmp_path, recorded)
 
 
-def test_a_planar_table_is_cut_on_demand(tmp_path, recorded, capsys):
+def flat(recorded: Take) -> pd.DataFrame:
     """The same take, seen by a camera that looks along the normal: x, y and theta, and no trials."""
     turn = recorded.rotation.as_matrix()
     x, y, _ = recorded.axes
     theta = np.arctan2(np.einsum("i,nij,j->n", y, turn, [1.0, 0, 0]), np.einsum("i,nij,j->n", x, turn, [1.0, 0, 0]))
-    flat = recorded.position @ np.stack([x, y]).T
-    log = pd.DataFrame({"t": recorded.t, "x": flat[:, 0], "y": flat[:, 1], "theta": theta})
-    log.to_csv(tmp_path / "l.csv", index=False)
+    place = recorded.position @ np.stack([x, y]).T
+    return pd.DataFrame({"t": recorded.t, "x": place[:, 0], "y": place[:, 1], "theta": theta})
+
+
+def test_a_planar_table_is_cut_on_demand(tmp_path, recorded, capsys):
+    flat(recorded).to_csv(tmp_path / "l.csv", index=False)
     assert init(tmp_path, tmp_path / "l.csv", "--cut") == 0
     assert f"{DROPS} drops cut out" in capsys.readouterr().out
     same_drops(tmp_path, recorded)
+
+
+def test_a_planar_table_of_several_drops_that_is_not_cut_is_doubted(tmp_path, recorded, capsys):
+    log = flat(recorded)
+    log.to_csv(tmp_path / "l.csv", index=False)
+    assert init(tmp_path, tmp_path / "l.csv") == 0
+    said = capsys.readouterr().out
+    assert f"warning: l.csv holds {DROPS} drops, one after the other" in said and "With --cut each" in said
+    assert "in 1 trial; 30 in 10 are needed; if it is a long log of several drops, datasets init --cut" in said
+    # not a single drop, nor drops with their numbers, nor a file that is said to be one trial
+    cases = [(log[recorded.drop == 0], {}), (log.assign(trial=recorded.drop), {})]
+    cases += [(log, {"per_trial_files": True}), (log, {"cut": False})]
+    for table, options in cases:
+        table.to_csv(tmp_path / "l.csv", index=False)
+        rig = RigOptions(parse_shape(SHAPE[1]))
+        assert not convert([tmp_path / "l.csv"], "made", rig, Reading(**options)).warnings
 
 
 @pytest.mark.slow

@@ -186,7 +186,11 @@ def _verdict_lines(dataset: Dataset, detection: FoundImpacts | None) -> list[str
         return []
     if not len(trial) or are_enough(len(trial) + len(more), len({*trial.tolist(), *more})):
         return []
-    return [_no_verdict(len(trial), len(np.unique(trial)))]
+    trials = len(np.unique(trial))
+    line = _no_verdict(len(trial), trials)
+    if trials == 1 and len(trial) >= MIN_TRIALS:
+        line += "; if it is a long log of several drops, datasets init --cut makes each drop a trial"
+    return [line]
 
 
 def _no_verdict(impacts: int, trials: int) -> str:

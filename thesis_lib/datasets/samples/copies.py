@@ -6,7 +6,7 @@ first, and its pose is wrong by the motion since.  Copies are left out, like los
 The pose of a body at rest repeats, and so does that of a slow body if it has few digits.  A copy is therefore accepted
 only if the body moves by `STEPS` digits both before and after it, at most `LONGEST` times in a row.  Copies must also
 be frequent, a share `SHARE` of the pictures in motions clearly above the noise: coarse digits repeat by chance at the
-turning point of a bounce.
+turning point of a bounce.  Copies at even steps are those of a video; others those of a tracker that lost the body.
 """
 
 import numpy as np
@@ -18,6 +18,9 @@ STEPS = 3  # of the last digit; slower motion may repeat its digits
 LONGEST = 5  # copies in a row
 SHARE = 0.02  # of the pictures in motion; chance stays below a third of that
 FEWEST = 5
+EVEN = (
+    0.5  # of the steps between copied pictures, which are even in converted video; a tracker loses a body at any time
+)
 
 
 def without_copies(samples: Samples) -> tuple[Samples, str]:
@@ -56,8 +59,28 @@ def originals(samples: Samples) -> tuple[np.ndarray, str]:
     keep = np.ones(n, bool)
     keep[1:] = ~(equal & np.repeat(moving, length + 1)[1:])
     rate, share = 1.0 / float(np.median(np.diff(samples.t)[same_trial])), copies / pictures
-    return keep, (
+    said = (
         f"{100.0 * share:.2g} % of the pictures of the moving body ({copies} of {pictures}) repeat the previous one, "
-        f"digit for digit, as in video converted to a higher rate ({rate:.3g} pictures a second made of "
-        f"{rate * (1.0 - share):.3g}): the copies are left out as lost frames. Export the pictures as they were taken."
+        "digit for digit, "
     )
+    if _in_step(first[moving & (length > 0)], share):
+        return keep, said + (
+            "as in video converted to a higher rate, or a tracker that is logged faster than it measures "
+            f"({rate:.3g} pictures a second made of {rate * (1.0 - share):.3g}): the copies are left out as lost "
+            "frames. Export the pictures as they were taken."
+        )
+    return keep, said + (
+        "now and then, as from a tracker that holds its last pose where it loses the body: the copies are left out as "
+        "lost frames; there is nothing to do."
+    )
+
+
+def _in_step(rows: np.ndarray, share: float) -> bool:
+    """Whether pictures that are copied, the indices `rows` (k,), follow at even steps, as in a change of rate.
+
+    `share` of the copies among the pictures.  The steps are then k or k + 1; one less or more allows for copies of slow
+    bodies, which are not found and lower the share.
+    """
+    usual = int(1.0 / min(share, 1.0 - share))
+    step = np.diff(rows)
+    return len(step) == 0 or float(np.mean(np.abs(step - usual) <= 1)) > EVEN

@@ -50,6 +50,7 @@ class View:
     left_handed: bool = False
     up_is_given: bool = True  # otherwise `up` is the usual axis of the file format
     tracked: bool = True  # estimate the tracked frame of a shape in space; otherwise it is the frame of the shape
+    flat: bool = False  # a planar table, whose axes are those of the plane
     units: Mapping[str, str] | None = None  # those of --units by quantity; None if the file states its units
 
 

@@ -72,7 +72,7 @@ def convert(
         return convert_logs(paths, name, reading, rig, frame)
     if not in_space:
         motions = read_planar_motions(paths, reading, rig, notes, warnings)
-        view = View(FLAT.y, FLAT.normal, frame)
+        view = View(FLAT.y, FLAT.normal, frame, flat=True)
     else:
         if form == TENSORS:
             motions = tensors.read_tensors(paths, reading, notes)

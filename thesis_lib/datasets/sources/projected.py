@@ -8,6 +8,7 @@ import pandas as pd
 
 from thesis_lib.datasets.format.validate import first_of
 from thesis_lib.datasets.sources.conversion import MOST_OUT, Conversion, Recorded, as_dataset
+from thesis_lib.datasets.sources.measured_up import with_measured_up
 from thesis_lib.datasets.sources.tables.rig_options import GRAVITY
 from thesis_lib.datasets.space.convention import Scene, check_reading, fit
 from thesis_lib.datasets.space.drops import SPATIAL, Cuts, Drop, cut_drops, impact_shares, whole_pieces
@@ -24,15 +25,17 @@ def project(recorded: Recorded) -> Conversion:
         UserError: no free flight or no plane is found, rotations fit far better in another reading, or no drop is
             left.
     """
-    motion, rig, view, notes, size = recorded.motion, recorded.rig, recorded.view, recorded.notes, recorded.rig.g
+    motion, rig, notes, size = recorded.motion, recorded.rig, recorded.notes, recorded.rig.g
+    track = follow(motion.t, motion.position, size)
+    omega = smoothed_turning(turning(motion.quaternion), motion.t, track.half)
+    recorded, warnings = with_measured_up(recorded, track, omega)
+    view = recorded.view
     given = None if view.normal is None else Plane.of(view.normal, view.up)
     falls = -size * (view.up if given is None else np.cos(given.tilt) * given.y)
-    track = follow(motion.t, motion.position, size)
     flights = find_flights(track, falls)
     recorded.require(flights)
     scene = Scene(track, flights, rig.shape, rig.radius, view.up, given, view.frame[2])
     check_reading(motion, scene)
-    omega = smoothed_turning(turning(motion.quaternion), motion.t, track.half)
     inner = inner_samples(flights, track)
     inner = inner[np.isfinite(omega[inner]).all(axis=1) & np.isfinite(track.v[inner]).all(axis=1)]
     plane = find_plane(track.v[inner], omega[inner], rig.radius, view.up) if given is None else given
@@ -69,12 +72,13 @@ def project(recorded: Recorded) -> Conversion:
     used = [drop for drop in drops if not drop.left_out]
     notes += _drops_text(drops, impacts, view.cut)
     if not used:
-        raise UserError(recorded.no_drop(drops, height, rig.surface_height or 0.0))
+        why = recorded.no_drop(drops, height, rig.surface_height or 0.0)
+        raise UserError(" ".join([why, *(f"{text}." for text in warnings)]))
     rows = np.concatenate([np.arange(drop.start, drop.stop) for drop in used])
     poses = pd.DataFrame(q[rows], columns=["x", "y", "theta"])[["x", "y", *(["theta"] if motion.oriented else [])]]
     poses = poses.assign(t=motion.t[rows], trial=np.repeat([d.trial for d in used], [d.stop - d.start for d in used]))
     dataset = as_dataset(poses, recorded.name, recorded.files, rig, notes)
-    return Conversion(dataset, notes, [], Cuts(motion.t - motion.t[0], height, tuple(drops), impacts))
+    return Conversion(dataset, notes, warnings, Cuts(motion.t - motion.t[0], height, tuple(drops), impacts))
 
 
 def _drops_text(drops: Sequence[Drop], impacts: pd.DataFrame, cut: bool) -> list[str]:

@@ -13,13 +13,15 @@ from scipy.spatial.transform import Rotation
 from thesis_lib.datasets.checks.known_body import KnownBody
 from thesis_lib.datasets.checks.trajectories import check_trajectories
 from thesis_lib.datasets.format.samples import Samples, sampling_period
-from thesis_lib.datasets.format.validate import SHOWN, UsableRows, ValidationReport, row_text
+from thesis_lib.datasets.format.validate import SHOWN, UsableRows, ValidationReport, first_of, row_text
 from thesis_lib.datasets.samples.stamps import times_of_pictures
 from thesis_lib.datasets.sources.conversion import Conversion, as_dataset
 from thesis_lib.datasets.sources.tables.log_table import Log
 from thesis_lib.datasets.sources.tables.options import Reading
 from thesis_lib.datasets.sources.tables.pose import read_poses
 from thesis_lib.datasets.sources.tables.rig_options import RigOptions
+from thesis_lib.datasets.space.drops import NEAR, cut_drops
+from thesis_lib.datasets.space.flights import find_flights, follow
 from thesis_lib.datasets.space.motion import Motion, quaternions
 from thesis_lib.datasets.space.plane import Plane
 from thesis_lib.foundation.errors import UserError
@@ -61,7 +63,40 @@ def convert_logs(
     _refuse_degrees(files[0], poses, options, rig)
     if any(frame):
         poses = _of_the_body(poses, frame)
+    trial = options.source("trial")["trial"][0]
+    if options.cut is None and not options.per_trial_files and not any(log.has(trial) for log in logs):
+        warnings += _to_be_cut(files, poses, rig)
     return Conversion(as_dataset(poses, name, files, rig, notes), notes, warnings)
+
+
+def _to_be_cut(files: Sequence[str | Path], poses: pd.DataFrame, rig: RigOptions) -> list[str]:
+    """Sentence that recommends --cut, if logs that name no trials hold several releases each; else none."""
+    found = {file: _releases(poses[poses["trial"] == trial], rig) for trial, file in enumerate(files)}
+    several = [f"{Path(file).name} holds {number} drops" for file, number in found.items() if number > 1]
+    if not several:
+        return []
+    return [
+        f"{first_of(several)}, one after the other, but names no trials, so that each file is one trial. With --cut "
+        "each drop is a trial, and the motions by hand between them are left out"
+    ]
+
+
+def _releases(poses: pd.DataFrame, rig: RigOptions) -> int:
+    """Number of drops in one trial that a hand began: they fall from higher than the flight before them rose."""
+    t, place = poses["t"].to_numpy(), poses[["x", "y"]].to_numpy()
+    if rig.g == 0.0 or (np.diff(t) <= 0.0).any():
+        return 0
+    try:
+        track = follow(t, place, rig.g)
+    except UserError:  # too few samples
+        return 0
+    flights = find_flights(track, np.array([0.0, -rig.g]))
+    theta = poses["theta"].to_numpy() if "theta" in poses else np.zeros(len(t))
+    height = rig.shape.gap(place[:, 1], theta, rig.surface_height or 0.0)
+    drops = [drop for drop in cut_drops(track, height, flights, rig.shape.extent) if not drop.left_out]
+    first = np.array([height[drop.flights[0]].max() for drop in drops])
+    last = np.array([height[drop.flights[-1]].max() for drop in drops])
+    return int(len(drops) > 0) + int(np.sum(first[1:] > last[:-1] + NEAR * rig.shape.extent))
 
 
 def _apart(poses: pd.DataFrame, rig: RigOptions, notes: list[str]) -> pd.DataFrame:

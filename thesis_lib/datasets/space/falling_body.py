@@ -206,16 +206,8 @@ def falling(
     """
     found: dict[str, tuple[str, np.ndarray, int]] = {}
     for unit, scale in scales.items():
-        track = follow(t, scale * position, gravity)
-        size = np.linalg.norm(track.a, axis=1)
-        with np.errstate(invalid="ignore"):
-            free = track.smooth & (np.abs(size - gravity) < NEAR_G * gravity)
-        if not free.any():
-            continue
-        middle = np.median(track.a[free], axis=0)
-        down = middle / max(float(np.linalg.norm(middle)), 1e-9)
-        if number := len(find_flights(track, gravity * down)):
-            found[unit] = unit, down, number
+        if fall := any_fall(follow(t, scale * position, gravity), gravity):
+            found[unit] = unit, fall[0], len(fall[1])
     best = max(found.values(), key=lambda one: one[2], default=None)
     return found[""] if best and "" in found and best[2] < MANY * found[""][2] else best
 
@@ -238,6 +230,19 @@ def settled_fall(track: Track, gravity: np.ndarray) -> tuple[np.ndarray, int] | 
         if np.linalg.norm(down - before) < SETTLED:
             break
     return found
+
+
+def any_fall(track: Track, gravity: float) -> tuple[np.ndarray, list[slice]] | None:
+    """Direction (3,) in which a track accelerates by `gravity` (m/s²), and the flights along it; None without one."""
+    size = np.linalg.norm(track.a, axis=1)
+    with np.errstate(invalid="ignore"):
+        free = track.smooth & (np.abs(size - gravity) < NEAR_G * gravity)
+    if not free.any():
+        return None
+    middle = np.median(track.a[free], axis=0)
+    down = middle / max(float(np.linalg.norm(middle)), 1e-9)
+    flights = find_flights(track, gravity * down)
+    return (down, flights) if flights else None
 
 
 def too_few_fall(flights: int, trials: int) -> bool:

@@ -2,7 +2,7 @@
 
 | form of the table              | a body is                                                                       |
 |--------------------------------|---------------------------------------------------------------------------------|
-| one row for each body          | named in a column beside the time: `t,name,x,y,z,qx,…`                          |
+| one row for each body          | named, or numbered, in a column beside the time: `t,name,x,y,z,qx,…`            |
 | all bodies in a row            | columns with a common prefix or suffix: `box_x,box_y,…,hand_x,…`, `x.box,y.box,…` |
 """
 
@@ -18,11 +18,15 @@ from thesis_lib.datasets.sources.tables.log_table import Log
 from thesis_lib.foundation.errors import UserError
 
 SHOWN = 20  # names in an error
+NUMBER = r"[0-9]{1,6}(\.0*)?"  # of a body, as programs write it
+OFTEN = 0.1  # of the rows have the time of another, where numbers name bodies
 MOST = 50  # bodies in a table; a column with more values does not name bodies
 
 
-def choose_body(path: Path, bodies: Sequence[str], body: str | None) -> str:
+def choose_body(path: Path, bodies: Sequence[str], body: str | None, column: str = "") -> str:
     """Full name of the selected body: the only one, or the one named `body`; the end of its name suffices.
+
+    `column`: that of a table which holds the names, for the message.
 
     UserError if there is none, or there are several.
     """
@@ -32,13 +36,14 @@ def choose_body(path: Path, bodies: Sequence[str], body: str | None) -> str:
     ways = (
         lambda name: name == body,
         lambda name: re.split("[:/]", name)[-1] == body,
-        lambda name: name.endswith(body),
+        lambda name: name.endswith(body) and not name.isdigit(),  # 1 is not 11
     )
     found = next(filter(None, ([name for name in bodies if way(name)] for way in ways)), []) if body else []
     if len(found) == 1:
         return found[0]
     if body is None:
-        raise UserError(f"{path} has {len(bodies)} bodies: {shown}. Choose one with --body NAME.")
+        where = f" (column {column})" if column else ""
+        raise UserError(f"{path} has {len(bodies)} bodies{where}: {shown}. Choose one with --body NAME.")
     raise UserError(f"{path} has no body '{body}' (or several whose names end in it). It has: {shown}.")
 
 
@@ -62,7 +67,7 @@ def one_body(
                     f"{log.path}: the same times occur for each {column} ({', '.join(label.unique()[:SHOWN])}). If "
                     f"these are bodies, choose one with --body NAME; if they are tosses, give --columns trial={column}."
                 )
-            chosen = choose_body(log.path, list(label.unique()), body)
+            chosen = choose_body(log.path, list(label.unique()), body, column)
             return replace(log, cells=log.cells[(label == chosen).to_numpy()]), source
     if body is not None:
         raise UserError(f"{log.path} is a table of one body: leave --body out, or name the columns with --columns.")
@@ -83,9 +88,20 @@ def _groups(log: Log, names: Sequence[str]) -> dict[str, dict[str, str]]:
 
 
 def _names_bodies(log: Log, column: str, when: Sequence[str]) -> bool:
-    """Whether times repeat in a table, but not among the rows with the same value of a column."""
+    """Whether times repeat in a table, but not among the rows with the same value of a column.
+
+    Whole numbers may also count trials, with a block of rows and a clock for each.  They are names, as of tags, only if
+    they take turns, and rows of equal times are frequent and follow one another.
+    """
     label = log.text(column).str.strip()
-    if not when or not 1 < label.nunique() <= MOST or not label.str.contains("[^0-9.]").any():
+    if not when or not 1 < label.nunique() <= MOST:
         return False
     times = pd.DataFrame({str(i): log.text(name).to_numpy() for i, name in enumerate(when)})
-    return bool(times.duplicated().any()) and not times.assign(body=label.to_numpy()).duplicated().any()
+    again = times.duplicated()
+    if not again.any() or times.assign(body=label.to_numpy()).duplicated().any():
+        return False
+    if label.str.contains("[^0-9.]").any():
+        return True
+    if not label.str.fullmatch(NUMBER).all() or (label != label.shift()).sum() == label.nunique():
+        return False
+    return bool(again.mean() > OFTEN) and again.equals((times == times.shift()).all(axis=1))
