@@ -115,6 +115,17 @@ def test_stamps_in_nanoseconds_keep_their_digits(tmp_path):
     np.testing.assert_array_equal(poses["t"][:39], 1e-9 * one.astype(float))
 
 
+def test_missing_numbers_are_read_as_loggers_write_them(tmp_path):
+    """printf of C and of Microsoft's C; the sign of a NaN is that of the operation that made it."""
+    written = ("-nan", "nan(ind)", "-nan(ind)", "-1.#IND", "1.#QNAN", "-1.#IND00", "", "NaN", "#N/A")
+    cells = text().splitlines()
+    for row, cell in enumerate(written, 5):
+        cells[row] = ",".join([*cells[row].split(",")[:2], *3 * [cell]])
+    done = read(tmp_path, "\n".join(cells) + "\n")
+    same(done, FRAME.drop(index=range(4, 4 + len(written))).reset_index(drop=True))
+    assert any(note.startswith(f"{len(written)} of {len(FRAME)} rows left out") for note in done.notes)
+
+
 REFUSED = {
     "contradicting": (text(NAMED), {"columns": COLUMNS, "units": "m"}, "x (mm) is in mm, but --units states m"),
     "below": (below(",s,mm,mm,rad", text()), {"units": "deg"}, "column theta is in rad, but --units states deg"),
