@@ -115,7 +115,46 @@ def test_stamps_in_nanoseconds_keep_their_digits(tmp_path):
     np.testing.assert_array_equal(poses["t"][:39], 1e-9 * one.astype(float))
 
 
+def test_missing_numbers_are_read_as_loggers_write_them(tmp_path):
+    """printf of C and of Microsoft's C; the sign of a NaN is that of the operation that made it."""
+    written = ("-nan", "nan(ind)", "-nan(ind)", "-1.#IND", "1.#QNAN", "-1.#IND00", "", "NaN", "#N/A")
+    cells = text().splitlines()
+    for row, cell in enumerate(written, 5):
+        cells[row] = ",".join([*cells[row].split(",")[:2], *3 * [cell]])
+    done = read(tmp_path, "\n".join(cells) + "\n")
+    same(done, FRAME.drop(index=range(4, 4 + len(written))).reset_index(drop=True))
+    assert any(note.startswith(f"{len(written)} of {len(FRAME)} rows left out") for note in done.notes)
+
+
+@pytest.mark.parametrize("form", ["%Y-%m-%d %H:%M:%S.%f", "%Y-%m-%dT%H:%M:%S.%fZ", "%H:%M:%S.%f"])
+def test_dates_and_times_of_day_are_seconds(tmp_path, form):
+    """Past midnight, and with a lost frame."""
+    stamps = pd.Timestamp("2025-11-20 23:59:59.95") + pd.to_timedelta(FRAME["t"], unit="s")
+    done = read(tmp_path, text(FRAME.assign(t=stamps.dt.strftime(form).where(FRAME.index != 7))))
+    same(done, FRAME.drop(index=7).reset_index(drop=True))
+    assert "t is a date or a time of day: read as seconds since the first row" in done.notes
+
+
+def test_equal_time_stamps_give_way_to_a_rate(tmp_path):
+    dead = text(FRAME.assign(t=1.76363e18)).replace("1763630000000000000.00000", "1.76363E+18")
+    with pytest.raises(UserError) as refusal:
+        read(tmp_path, dead, units="ns")
+    for said in ("all time stamps are equal (1.76363E+18)", "(--columns t=NAME), or give --rate HZ"):
+        assert said in str(refusal.value)
+    done = read(tmp_path, dead, units="ns", rig={"rate": 250.0})
+    same(done)
+    assert any("rows are taken in order, evenly spaced at --rate 250" in note for note in done.notes)
+
+
+LONG = trajectories(1, 700).assign(y=0.2)  # 2.8 s
 REFUSED = {
+    "nsecs": (text(LONG.assign(t=1e9 * ((LONG["t"] + 0.3) % 1.0))), {}, "the column with the seconds (secs + t / 1e9)"),
+    "another date": (
+        text(FRAME.assign(t="11/20/2025 10:00:00 AM")),
+        {},
+        "row 2: '11/20/2025 10:00:00 AM' is not read as",
+    ),
+    "month": (text(FRAME.assign(t="2025-13-20 10:00:00")), {}, "convert date and time to seconds"),
     "contradicting": (text(NAMED), {"columns": COLUMNS, "units": "m"}, "x (mm) is in mm, but --units states m"),
     "below": (below(",s,mm,mm,rad", text()), {"units": "deg"}, "column theta is in rad, but --units states deg"),
     "quantity": (text(NAMED), {"columns": "t=x (mm),x=t (s),y=y [mm],theta=angle (°)"}, "is in mm, but t is a time"),

@@ -18,8 +18,8 @@ NAMES = {",": "commas", "\t": "tabs", ";": "semicolons", "|": "bars", SPACES: "s
 HEAD = 200  # lines that are examined
 LONGEST = 100_000  # characters that are examined
 ABOVE = 6  # lines above the first row of numbers that may be the header
-# cells for missing values, the last two as written by spreadsheets
-NO_NUMBER = ("", "nan", "na", "null", "none", "#n/a", "#nv")
+# cells for missing values: names, as of spreadsheets; NaN as C prints it, and as Microsoft's C did (-nan(ind), 1.#QNAN)
+NO_NUMBER = re.compile(r"|na|null|none|#n/a|#nv|[+-]?nan(\(\w*\))?|[+-]?1[.,]#(ind|[qs]?nan)0*", re.IGNORECASE)
 COMMENT = re.compile(r"\s*(?:#+|%+(?=\s)|//+)\s*")  # not the % of %time, as rostopic names a column
 _NUMBER = {mark: re.compile(rf"[+-]?(\d+[{mark}]?\d*|[{mark}]\d+)([eE][+-]?\d+)?") for mark in (".", ",")}
 
@@ -106,7 +106,7 @@ def _is_data(row: Sequence[str], decimal: str) -> bool:
     """Whether a row holds a sample: at least two numbers, or only numbers and missing values."""
     filled = [cell for cell in row if cell]
     numbers = sum(is_number(cell, decimal) for cell in filled)
-    return numbers > 0 and (numbers >= 2 or all(is_number(c, decimal) or c.lower() in NO_NUMBER for c in filled))
+    return numbers > 0 and (numbers >= 2 or all(is_number(c, decimal) or NO_NUMBER.fullmatch(c) for c in filled))
 
 
 def _first_row(rows: Sequence[Sequence[str]], kinds: Sequence[bool], filled: Sequence[int]) -> int | None:

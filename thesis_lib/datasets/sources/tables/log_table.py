@@ -98,7 +98,7 @@ class Log:
         plain = text.str.replace(",", ".", regex=False).where(~text.str.contains(".", regex=False), "?")
         plain = text if self.decimal == "." else plain
         numbers = pd.to_numeric(plain, errors="coerce").to_numpy(dtype=float, na_value=np.nan, copy=True)
-        bad = np.isnan(numbers) & ~text.str.lower().isin(NO_NUMBER).to_numpy()
+        bad = np.isnan(numbers) & ~_missing(text)
         if bad.any():
             first = int(np.flatnonzero(bad)[0])
             mark = {".": "decimal points (or give --decimal ,)", ",": "decimal commas (or give --decimal .)"}
@@ -114,7 +114,7 @@ class Log:
     def times(self, name: str) -> np.ndarray:
         """A column of times as floats (n,), in its own unit; integers too large for floats count from the first."""
         text = self.text(name).str.strip()
-        there = ~text.str.lower().isin(NO_NUMBER).to_numpy()
+        there = ~_missing(text)
         whole = text[there]
         integers = len(whole) > 0 and bool(whole.str.fullmatch(rf"[+-]?\d{{1,{DIGITS}}}").all())
         if not integers or whole.str.len().max() < len(str(EXACT)):
@@ -123,6 +123,11 @@ class Log:
         times = np.full(len(text), np.nan)
         times[there] = (stamps - stamps[0]).astype(float)
         return times
+
+
+def _missing(text: pd.Series) -> np.ndarray:
+    """Mask (n,) of the stripped cells that stand for a missing value."""
+    return text.str.fullmatch(NO_NUMBER).to_numpy(dtype=bool)
 
 
 def read_log(path: Path, options: Reading, wanted: Collection[str], doubts: list[str]) -> Log:

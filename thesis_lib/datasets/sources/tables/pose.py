@@ -26,10 +26,10 @@ from thesis_lib.datasets.sources.tables.log_table import LIKELY, Log, read_logs
 from thesis_lib.datasets.sources.tables.options import PARTS, QUANTITY, SPATIAL, Reading
 from thesis_lib.datasets.sources.tables.rig_options import RigOptions, needs_no_angle
 from thesis_lib.datasets.sources.tables.several_bodies import one_body
+from thesis_lib.datasets.sources.tables.times import times
 from thesis_lib.datasets.space.motion import Motion, Readings, mirrored, unit
 from thesis_lib.foundation.errors import UserError
 
-SINCE_1970 = {"ns": 1e17, "us": 1e14, "ms": 1e11}  # larger stamps are in this unit; the present is 1.8e9 s
 ORDERS = {"xyzw": [0, 1, 2, 3], "wxyz": [1, 2, 3, 0]}  # positions of x, y, z, w among the four columns
 AXES = ("x", "y", "z")
 STRAY = 0.1  # share of a body's size by which tracked points may deviate from a rigid body
@@ -176,37 +176,6 @@ def pose_of_points(z: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
     size = float(np.sqrt(np.mean(np.abs(c) ** 2)))
     place = np.column_stack([np.real(p), np.imag(p)])
     return place, theta, float(np.sqrt(np.nanmean(off**2))) / size if size > 0.0 else np.inf
-
-
-def times(log: Log, options: Reading, trial: pd.Series, name: str, notes: list[str]) -> np.ndarray:
-    """Times (n,) in s from column `name` (times, or numbers of frames), or of evenly spaced rows; adds to `notes`.
-
-    UserError if neither the log nor `options` defines the times.
-    """
-    if not log.has(name):
-        if options.rate is None:
-            raise UserError(
-                f"{log.path} has no time column: give --columns t=NAME, or --rate HZ for evenly spaced rows."
-            )
-        return trial.groupby(trial, sort=False).cumcount().to_numpy() / options.rate
-    t, stated = log.times(name), log.unit(name)
-    if "time" not in options.si.given and stated is None and _counts(t, trial):
-        if options.rate is None:
-            raise UserError(f"{log.where(name)} counts rows: give the frame rate, --rate HZ, or the unit of time.")
-        notes.append(f"{name} counts frames; times follow from --rate {options.rate:g}")
-        return t / options.rate
-    if "time" not in options.si.given and stated is None:
-        first = np.nanmax(log.numbers(name), initial=0.0)
-        if unit := next((unit for unit, least in SINCE_1970.items() if first > least), None):
-            raise UserError(f"{log.where(name)} counts {unit} since 1970 ({first:.4g}): give --units {unit}.")
-    return options.si.to_si("t", stated, log.where(name)) * t
-
-
-def _counts(t: np.ndarray, trial: pd.Series) -> bool:
-    """Whether t (n,) counts frames: whole numbers that in most rows increase by one."""
-    whole = t[np.isfinite(t)]
-    step = np.diff(t)[(trial[1:].to_numpy() == trial[:-1].to_numpy()) & np.isfinite(np.diff(t))]
-    return len(step) > 0 and bool(np.all(whole == np.rint(whole))) and float(np.median(step)) == 1.0
 
 
 def _need_origin(log: Log, options: Reading, rig: RigOptions, poses: pd.DataFrame) -> None:
