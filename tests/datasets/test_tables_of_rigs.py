@@ -115,6 +115,18 @@ def test_stamps_in_nanoseconds_keep_their_digits(tmp_path):
     np.testing.assert_array_equal(poses["t"][:39], 1e-9 * one.astype(float))
 
 
+def test_rows_of_zeros_far_from_the_body_are_lost_frames(tmp_path):
+    lost = np.isin(np.arange(len(FRAME)), [5, 6, 7, 20])
+    made = read(tmp_path, text(FRAME.mask(lost[:, None] & FRAME.columns.isin(["x", "y", "theta"]), 0.0)))
+    same(made, FRAME[~lost])
+    assert "4 rows of zeros taken as lost" in " ".join(made.notes)
+    # a body may pass the origin
+    near = FRAME.assign(
+        x=FRAME["x"] - FRAME["x"][5], y=FRAME["y"] - FRAME["y"][5], theta=FRAME["theta"] - FRAME["theta"][5]
+    )
+    assert not any("zeros" in note for note in read(tmp_path, text(near), rig={"surface_height": -9.0}).notes)
+
+
 def test_missing_numbers_are_read_as_loggers_write_them(tmp_path):
     """printf of C and of Microsoft's C; the sign of a NaN is that of the operation that made it."""
     written = ("-nan", "nan(ind)", "-nan(ind)", "-1.#IND", "1.#QNAN", "-1.#IND00", "", "NaN", "#N/A")

@@ -29,9 +29,12 @@ from thesis_lib.datasets.sources.tables.several_bodies import one_body
 from thesis_lib.datasets.sources.tables.times import times
 from thesis_lib.datasets.space.motion import Motion, Readings, mirrored, unit
 from thesis_lib.foundation.errors import UserError
+from thesis_lib.statistics.wording import plural
 
 ORDERS = {"xyzw": [0, 1, 2, 3], "wxyz": [1, 2, 3, 0]}  # positions of x, y, z, w among the four columns
 AXES = ("x", "y", "z")
+FILLS = "ffill", "bfill"  # from the last and from the next row that shows the body
+NEAR, FAR = 5e-3, 2.0  # m, and usual steps from the origin beyond which a row of zeros beside shows no body
 STRAY = 0.1  # share of a body's size by which tracked points may deviate from a rigid body
 
 
@@ -60,7 +63,7 @@ def read_poses(
         )
     pose = () if tracked else _pose_columns(logs[0], options, rig)
     needed = [source[column][0] for column in (*pose, *(c for c in ("trial", "t") if c in options.columns))]
-    tables, lost = [], []
+    tables, lost, zeros = [], [], 0
     for number, log in enumerate(logs):
         log.require(needed)
         said = (notes, warnings) if number == 0 else ([], [])
@@ -73,15 +76,33 @@ def read_poses(
         poses = {"trial": trial, "t": times(log, options, trial, stamps, said[0])}
         poses |= _tracked(log, options, lost, *said) if tracked else _columns(log, options, pose, said[1])
         poses = pd.DataFrame(poses)
+        zeros += _lose_zeros(poses)
         _need_origin(log, options, rig, poses)
         tables.append(poses)
     if sum(lost):
         notes.append(f"{sum(lost)} points taken as lost: their likelihood is below {LIKELY}, or they are empty")
+    if zeros:
+        notes.append(f"{plural(zeros, 'row')} of zeros taken as lost: the body is elsewhere just before and after")
     used = {logs[0].find(name) for name, _ in source.values()} | ({"frame"} if tracked else set())
     points = tuple(f"{point}." for point in logs[0].points) if tracked else ()
     if ignored := [c for c in logs[0].cells.columns if c and c not in used and not c.startswith(points or ("\n",))]:
         notes.append(f"columns left out: {', '.join(ignored)}")
     return logs, tables
+
+
+def _lose_zeros(poses: pd.DataFrame) -> int:
+    """Set the poses of rows of zeros to NaN where the rows beside them are far from the origin; the number of rows."""
+    names = [name for name in ("x", "y", "theta") if name in poses]
+    zero = (poses[names] == 0.0).all(axis=1)
+    if not zero.any():
+        return 0
+    place = poses[["x", "y"]].mask(zero)
+    known = place.groupby(poses["trial"])
+    beside = [np.hypot(*getattr(known, fill)().to_numpy().T) for fill in FILLS]
+    usual = np.nanmedian(np.hypot(*place.diff().to_numpy().T)) if (~zero).sum() > 1 else 0.0
+    lost = zero & (np.fmin(*beside) > max(FAR * np.nan_to_num(usual), NEAR))
+    poses.loc[lost, names] = np.nan
+    return int(lost.sum())
 
 
 def _pose_columns(log: Log, options: Reading, rig: RigOptions) -> tuple[str, ...]:
