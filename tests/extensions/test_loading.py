@@ -218,7 +218,7 @@ def test_a_model_whose_effect_is_not_loaded_says_which_and_how_to_load_it(tmp_pa
 @pytest.mark.parametrize(
     "origin",
     [
-        {"file": "/tmp/evil.py"},
+        {"file": "/evil/own.py"},
         {"file": "own.py\n"},
         {"file": "own.py", "package": "drop-effects"},
         {"package": "https://example.org/evil.zip"},

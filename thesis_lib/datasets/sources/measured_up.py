@@ -1,7 +1,7 @@
 """Upward axis of a motion in a plane of space, as its free flights show it.
 
 A camera that is not level records bodies that fall along none of its axes.  In the plane of the motion the fall is
-down.  Whether the plane itself is inclined, only the size a of the acceleration tells:
+down.  The size a of the acceleration shows whether the plane itself is inclined:
 
     a = g cos τ     a plane inclined by τ, in which the body is held, as on an air table
     a = g           a vertical plane, seen by a tilted camera
