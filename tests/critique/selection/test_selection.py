@@ -174,6 +174,20 @@ def test_an_effect_that_turns_bases_is_tried_with_each(monkeypatch):
     assert [step.effect.name for step in discovery.steps] == ["wave"] and discovery.fitted.base == "turned"
 
 
+def test_of_twins_the_one_that_leaves_earlier_effects_where_they_are_enters(monkeypatch):
+    world = line(0, wave=3.0 * SIZE)
+    (step,) = found(world).steps
+    first = step.effect.name
+    monkeypatch.setattr(Line, "moved", lambda self, fitted, before: 9.0 * (fitted.effects[-1].name == first))
+    (step,) = found(world).steps
+    assert {first, step.effect.name} == {"wave", "twin_of_wave"} and step.effect.name != first
+    assert step.alternatives == (first,)
+    # not one that predicts worse
+    monkeypatch.setattr(Line, "moved", lambda self, fitted, before: 9.0 * (fitted.effects[-1].name != "square"))
+    (step,) = found(world).steps
+    assert step.effect.name == first
+
+
 class WithReserve(Line):
     """A line that may be a bend."""
 

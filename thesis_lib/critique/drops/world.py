@@ -275,6 +275,19 @@ class Drops(World[Effect, Fit, Judgement]):
         of_law = {p.name for p in BASE_PARAMETERS}
         return {name: value for name, value in fitted.values.items() if name not in of_law}
 
+    def moved(self, fitted: Fit, before: Fit) -> float:
+        model, values = before.model, (before.values, fitted.values)
+        sizes = [
+            (name, p)
+            for effect in model.effects
+            if effect in fitted.effects
+            for p in model.parameters_of(effect)
+            if p.discrete is None and not p.along
+            for name in (f"{effect.name}.{p.name}",)
+        ]
+        then, now = (sum(((at[name] - p.absent_at(at)) / p.scale) ** 2 for name, p in sizes) for at in values)
+        return now - then
+
     def drawn(self, fitted: Fit, rng: np.random.Generator) -> Self:
         synthetic = synthesise(Comparison(fitted.model.limit, fitted.values, self.observations), rng, fitted.sigma_m)
         return type(self)(synthetic, self.settings)

@@ -3,7 +3,7 @@
 Random streams are named by effects, so a further candidate does not change the draws of the others.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import Generic, Literal
 
@@ -99,6 +99,25 @@ class Evidence(Generic[E, F, J]):
         # log scores of a wrong model scatter more than its noise predicts
         least = {o: max(self.settings.tell_apart, scatter(judgements[name], judgements[o])) for o in judgements}
         return tuple(o for o in sorted(loss, key=lambda o: loss[o]) if loss[o] < least.get(o, self.settings.tell_apart))
+
+    def unmoved_first(
+        self, ranked: Iterable[tuple[str, dict[str, J]]], near: Mapping[str, F], fitted: F
+    ) -> Iterator[tuple[str, dict[str, J]]]:
+        """Finalists in turn, but one that moves effects of `fitted` after those that predict as well without that."""
+        seen = set()
+        for name, judgements in ranked:
+            still = (one for one in judgements if name in self.as_good_by_moving(one, judgements, near, fitted))
+            for one in (*sorted(still, key=lambda one: -judgements[one].total), name):
+                if one not in seen:
+                    seen.add(one)
+                    yield one, judgements
+
+    def as_good_by_moving(self, name: str, judgements: Mapping[str, J], near: Mapping[str, F], fitted: F) -> list[str]:
+        """Candidates that predict no better than `name`, beyond chance, and move earlier effects much further."""
+        least = self.world.moved(near[name], fitted) + self.settings.moved
+        further = [other for other in judgements if self.world.moved(near[other], fitted) > least]
+        best = judgements[name].total
+        return [o for o in further if judgements[o].total - best < scatter(judgements[name], judgements[o])]
 
     def superfluous(
         self, steps: Sequence[Step[E, F, J]], asked: Sequence[Step[E, F, J]], drop: Drop = "immaterial"

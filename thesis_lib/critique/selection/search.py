@@ -7,7 +7,8 @@
    doi:10.1111/j.2517-6161.1977.tb01603.x).
 3. An effect enters if its gain exceeds the null of the largest gain, its held-out gain has a 95 % interval above zero,
    and it lowers a held-out error materially and raises none materially.  A gain near the null is corrected by refits to
-   data without the effect.  A base that replaces another one must not raise an error, either.
+   data without the effect.  Of two effects that predict equally well, one that moves earlier effects much further from
+   their nulls comes second: wrong scale, size and gravity together act like another inertia.  A base that replaces another one must not raise an error, either.
 4. Then the other bases are tried again, and an earlier effect that is superfluous leaves; it may come back later, once.
 5. If a model leaves an error, a second-stage base (`reserve`) replaces its base if it predicts clearly better than the
    next effect would.  In space a base of the reserve that leaves no error is taken before any effect is tried.  If
@@ -304,7 +305,7 @@ class Search(Generic[E, F, J]):
             self.evidence.judged_in_turn(near, names)
             for names in (finalists[: settings.judged], finalists[settings.judged :])
         )
-        for name, judgements in chain.from_iterable(parts):
+        for name, judgements in self.evidence.unmoved_first(chain.from_iterable(parts), near, fitted):
             e, p_value, judgement = near[name].effects[-1], p_values[name], judgements[name]
             if not forced and self.is_simpler_enough(e, judgements):
                 continue
@@ -324,6 +325,9 @@ class Search(Generic[E, F, J]):
                 others = shortlist.alike
                 if others is None:
                     others = self.evidence.alternatives(name, gains, tests, judgements)
+                others = tuple(
+                    dict.fromkeys((*others, *self.evidence.as_good_by_moving(name, judgements, near, fitted)))
+                )
                 return Step(e, others, fails, p_value, gain, near[name], judgement, tests), None
         return None, below
 

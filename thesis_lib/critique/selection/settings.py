@@ -33,6 +33,12 @@ class SearchSettings(Section):
         "all of it in half of all splits",
     )
     tell_apart: float = Field(3.0, gt=0, description="nats in total below which two effects cannot be told apart")
+    moved: float = Field(
+        4.0,
+        gt=0,
+        description="squares of scales by which a candidate moves earlier effects further than one that predicts as "
+        "well, at which the other enters",
+    )
     worth_a_fit: float = Field(
         0.5,
         ge=0,

@@ -209,6 +209,10 @@ class World(ABC, Generic[E, F, J]):
         """Start values for the fit with one more effect."""
         return fitted.values
 
+    def moved(self, fitted: F, before: F) -> float:
+        """How much further a fit with one more effect has the other effects from their nulls, in squares of scales."""
+        return 0.0
+
     def drawn(self, fitted: F, rng: np.random.Generator) -> Self | None:
         """Data drawn from the fitted model; None for linear fits, whose refits gain what the score test predicts."""
         return None
