@@ -8,7 +8,8 @@
 3. An effect enters if its gain exceeds the null of the largest gain, its held-out gain has a 95 % interval above zero,
    and it lowers a held-out error materially and raises none materially.  A gain near the null is corrected by refits to
    data without the effect.  Of two effects that predict equally well, one that moves earlier effects much further from
-   their nulls comes second: wrong scale, size and gravity together act like another inertia.  A base that replaces another one must not raise an error, either.
+   their nulls comes second: a wrong scale, size and gravity together act like another inertia.  A base that replaces
+   another one must not raise an error, either.
 4. Then the other bases are tried again, and an earlier effect that is superfluous leaves; it may come back later, once.
 5. If a model leaves an error, a second-stage base (`reserve`) replaces its base if it predicts clearly better than the
    next effect would.  In space a base of the reserve that leaves no error is taken before any effect is tried.  If
