@@ -17,6 +17,7 @@ from thesis_lib.critique.contacts.kinds import bind
 from thesis_lib.critique.contacts.model import Model
 from thesis_lib.critique.drops.few_impacts import FewImpacts
 from thesis_lib.critique.drops.own_restitution import own_restitution
+from thesis_lib.critique.drops.settings import CritiqueSettings
 from thesis_lib.critique.drops.world import Drops
 from thesis_lib.critique.drops.world import testable_effects as usable_effects
 from thesis_lib.critique.engines.compare import (
@@ -29,6 +30,7 @@ from thesis_lib.critique.engines.compare import (
     whole_tosses,
 )
 from thesis_lib.critique.likelihood.at_impact import lines_beside, state_beside
+from thesis_lib.critique.likelihood.comparison import Comparison
 from thesis_lib.critique.likelihood.in_space.hits import observe_in_space
 from thesis_lib.critique.results import findings
 from thesis_lib.critique.results.findings import few_diagnosis
@@ -137,6 +139,27 @@ def test_the_error_of_a_hit_counts_the_spin_by_the_inertia_where_the_body_lies(o
     expected = np.sqrt((dv[0, :, :3] ** 2).sum(axis=1) + K2 @ of_body**2)
     np.testing.assert_allclose(observed.norm(dv)[0], expected, rtol=1e-12)
     np.testing.assert_allclose(observed.norm(dv)[1], observed.norm(dv[1]))
+
+
+def test_scale_size_and_gravity_together_act_like_another_inertia_but_move_further(observed):
+    """Lengths 1 + s times as large, with all that scales with them, leave I/m as the only change."""
+    world, s, size, g = Drops(observed), 0.1, 0.01, observed.rig.gravity
+    without = world.fit("mirtich", (EFFECTS["wrong_size"], EFFECTS["wrong_gravity"]), effort="quick")
+    law = {name: without.values[name] for name in ("mu", "epsilon", "tau")}
+    scaled = {"wrong_size.s": (1.0 + size) / (1.0 + s) - 1.0, "wrong_gravity.dg": g / (1.0 + s) - g}
+    as_fitted = {
+        "length_scale": law | scaled | {"length_scale.s_L": s},
+        "wrong_inertia": law
+        | {"wrong_size.s": size, "wrong_gravity.dg": 0.0, "wrong_inertia.d_I": (1.0 + s) ** 2 - 1.0},
+    }
+    models = {name: without.model.with_effect(EFFECTS[name]) for name in as_fitted}
+    hits = [Comparison(models[name], values, observed.single).R for name, values in as_fitted.items()]
+    hits[0][:, -1] *= 1.0 + s  # the gap is in true lengths
+    np.testing.assert_allclose(hits[0][:, :-1], hits[1][:, :-1], atol=1e-9)
+    np.testing.assert_allclose(hits[0][:, -1], hits[1][:, -1], atol=2e-6)  # m; noise is 0.2 mm
+    fits = [replace(without, model=models[name], values=values) for name, values in as_fitted.items()]
+    further, near = (world.moved(one, replace(without, values=law | {name: 0.0 for name in scaled})) for one in fits)
+    assert further - near > CritiqueSettings().moved
 
 
 @pytest.mark.parametrize(
