@@ -191,8 +191,9 @@ def test_equal_times_are_put_apart_or_refused_and_repeated_rows_left_out(tmp_pat
     pd.testing.assert_frame_equal(twice.dataset.trajectories, right.dataset.trajectories)
 
     held = np.where(np.isin(np.arange(n), [50, 80]), np.roll(t, 1), t)
-    with pytest.raises(UserError, match=r"log.csv, row 52, trial 0: .*\(equal, not falling; such rows: 2\)"):
-        made(held)
+    for later in (0.0, 1e-9):  # s
+        with pytest.raises(UserError, match=r"log.csv, row 52, trial 0: .* or nearly, .*\(such rows: 2\)"):
+            made(np.where(held == t, t, held + later))
     with pytest.raises(UserError, match=r"log.csv, row 52, trial 0: time falls after .* Sort the rows by time\."):
         made(np.where(np.arange(n) == 50, np.roll(t, 2), t))
 

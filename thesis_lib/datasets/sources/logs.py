@@ -21,7 +21,7 @@ from thesis_lib.datasets.sources.tables.log_table import read_log
 from thesis_lib.datasets.sources.tables.options import PARTS, SPATIAL, Reading, parse_direction, parse_numbers
 from thesis_lib.datasets.sources.tables.pose import ORDERS, read_quaternion_tables
 from thesis_lib.datasets.sources.tables.rig_options import RigOptions, needs_no_angle
-from thesis_lib.datasets.space.motion import Motion, handed, join, refuse_equal_times
+from thesis_lib.datasets.space.motion import Motion, handed, join, refuse_equal_times, together
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.foundation.regular_file import is_file
 
@@ -224,7 +224,7 @@ def convert_motions(
         )
     piece = piece if view.cut else _as_named(motion, piece, notes)
     motion, piece = _at_exposure(motion, piece, rig.rate, notes)
-    if (motion.t[1:] == motion.t[:-1]).any():
+    if together(np.diff(motion.t)[piece[1:] == piece[:-1]]).any():
         refuse_equal_times(motions, rig.in_space)
     try:
         recorded = Recorded(motion, piece, name, files, rig, view, notes)

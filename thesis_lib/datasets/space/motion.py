@@ -21,6 +21,9 @@ from thesis_lib.bodies.solid_body import UNIT
 from thesis_lib.foundation.errors import UserError
 
 Readings = Mapping[str, Callable[[], np.ndarray]]
+NEARLY = (
+    1e-3  # of the longer steps in time, below which a step is no sampling; frames that arrive together are apart more
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -181,14 +184,20 @@ def join(motions: Sequence[Motion], placed: bool = False) -> tuple[Motion, np.nd
 
 
 def refuse_equal_times(motions: Sequence[Motion], placed: bool) -> None:
-    """UserError if samples of a piece (as in `join`) have equal times; with distinct poses, they are no repetitions."""
-    if found := _first_step(_pieces(motions, placed), lambda step: step == 0.0):
+    """UserError if samples of a piece (as in `join`) have equal times, or nearly; distinct poses are no repetitions."""
+    if found := _first_step(_pieces(motions, placed), together):
         where, at, count, _ = found
         raise UserError(
-            f"{where}: the time {at:.6g} s equals that of the row before, but the pose does not (equal, not falling; "
-            f"such rows: {count}). Times of arrival are replaced by those of the frames, but the flights do not show "
-            "that these are. Log the time with more digits, or use the number of the frame: --columns t=NAME --rate HZ."
+            f"{where}: the time {at:.6g} s is that of the row before, or nearly, but the pose is another one (such "
+            f"rows: {count}). Times of arrival are replaced by those of the frames, but the flights do not show that "
+            "these are. Use the number of the frame (--columns t=NAME --rate HZ), or log the time with more digits. If "
+            "no frame is missing, delete the column of the time, and give --rate HZ."
         )
+
+
+def together(step: np.ndarray) -> np.ndarray:
+    """Mask (n,) of steps in time (n,) that are 0, or far shorter than those of a camera."""
+    return (step == 0.0) | (step < NEARLY * np.quantile(step, 0.9)) if len(step) else np.zeros(0, bool)
 
 
 def _pieces(motions: Sequence[Motion], placed: bool) -> list[Motion]:
