@@ -158,6 +158,15 @@ def test_equal_time_stamps_give_way_to_a_rate(tmp_path):
     assert any("rows are taken in order, evenly spaced at --rate 250" in note for note in done.notes)
 
 
+def test_rows_without_a_stamp_are_left_out(tmp_path):
+    """Zeros in the place of a stamp; a trial that begins at 0 after another one keeps its first row."""
+    dead = (7, 8, len(FRAME) - 1)
+    done = read(tmp_path, text(FRAME.assign(t=(FRAME["t"] + 9.0).where(~FRAME.index.isin(dead), 0.0))))
+    same(done, FRAME.drop(index=list(dead)).reset_index(drop=True))
+    assert "3 rows have the time 0 between later ones: they were not stamped, and are left out" in done.notes
+    assert not any("not stamped" in note for note in read(tmp_path, text()).notes)
+
+
 LONG = trajectories(1, 700).assign(y=0.2)  # 2.8 s
 REFUSED = {
     "nsecs": (text(LONG.assign(t=1e9 * ((LONG["t"] + 0.3) % 1.0))), {}, "the column with the seconds (secs + t / 1e9)"),

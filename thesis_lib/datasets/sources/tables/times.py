@@ -46,6 +46,9 @@ def times(log: Log, options: Reading, trial: pd.Series, name: str, notes: list[s
             if unit := next((unit for unit, least in SINCE_1970.items() if first > least), None):
                 raise UserError(f"{log.where(name)} counts {unit} since 1970 ({first:.4g}): give --units {unit}.")
         factor = options.si.to_si("t", stated, log.where(name))
+    if unstamped := int(np.sum(zero := _zero_between(t, trial))):
+        t = np.where(zero, np.nan, t)
+        notes.append(f"{unstamped} rows have the time 0 between later ones: they were not stamped, and are left out")
     row, before, step = _steps(t, trial)
     if len(step) and not step.any():
         if options.rate is None:
@@ -74,6 +77,13 @@ def _steps(t: np.ndarray, trial: pd.Series) -> tuple[np.ndarray, np.ndarray, np.
     same = label[1:] == label[:-1]
     row, before = there[1:][same], there[:-1][same]
     return row, before, t[row] - t[before]
+
+
+def _zero_between(t: np.ndarray, trial: pd.Series) -> np.ndarray:
+    """Mask (n,) of rows with the time 0 after a later time of their trial, which does not fall without them."""
+    stamped = pd.Series(np.where(t == 0.0, np.nan, t)).groupby(pd.factorize(trial)[0])
+    before, after = stamped.ffill().to_numpy(), stamped.bfill().to_numpy()
+    return (t == 0.0) & (before > 0.0) & ~(after < before)
 
 
 def _counts(t: np.ndarray, trial: pd.Series) -> bool:
