@@ -275,6 +275,9 @@ class Drops(World[Effect, Fit, Judgement]):
         of_law = {p.name for p in BASE_PARAMETERS}
         return {name: value for name, value in fitted.values.items() if name not in of_law}
 
+    def values_of_base(self, fitted: Fit) -> Mapping[str, float]:
+        return {name: value for name, value in fitted.values.items() if "." not in name}
+
     def moved(self, fitted: Fit, before: Fit) -> float:
         model, values = before.model, (before.values, fitted.values)
         sizes = [

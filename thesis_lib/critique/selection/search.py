@@ -333,11 +333,15 @@ class Search(Generic[E, F, J]):
         return None, below
 
     def near_fit(self, quick: F, fitted: F, base: str | None) -> Asked:
-        """Arguments of the fit to judge; with a `base` whose limit was the quick fit, it starts from the model."""
+        """Arguments of the fit to judge; with a `base` whose limit was the quick fit, it starts from the model's base.
+
+        The effects start from the quick fit, which has moved them together: from those of the model, a fit of many
+        effects may end hundreds of nats lower.
+        """
         if base is None:
             return quick.base, quick.effects, quick.values, "near"
-        start = quick.values if self.world.turns_bases(quick.effects[-1]) else {**quick.values, **fitted.values}
-        return base, quick.effects, start, "near"
+        of_base = {} if self.world.turns_bases(quick.effects[-1]) else self.world.values_of_base(fitted)
+        return base, quick.effects, {**quick.values, **of_base}, "near"
 
     def simpler_fits(self, near: Mapping[str, F], quick: Mapping[str, F], fitted: F) -> dict[str, F]:
         """Fits with special cases of the best effect, started from the fit with that effect, if better."""

@@ -209,6 +209,10 @@ class World(ABC, Generic[E, F, J]):
         """Start values for the fit with one more effect."""
         return fitted.values
 
+    def values_of_base(self, fitted: F) -> Mapping[str, Any]:
+        """Values of the parameters of a model's base, without those of its effects."""
+        return {}
+
     def moved(self, fitted: F, before: F) -> float:
         """How much further a fit with one more effect has the other effects from their nulls, in squares of scales."""
         return 0.0
