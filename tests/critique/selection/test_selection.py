@@ -10,7 +10,7 @@ from thesis_lib.critique.selection.bases import Bases
 from thesis_lib.critique.selection.discovery import Path, judge_held_out
 from thesis_lib.critique.selection.evidence import Evidence
 from thesis_lib.critique.selection.scan import orthonormal, scan
-from thesis_lib.critique.selection.search import search, split
+from thesis_lib.critique.selection.search import Search, search, split
 from thesis_lib.critique.selection.settings import SearchSettings
 from thesis_lib.critique.selection.world import Slopes, World
 
@@ -186,6 +186,17 @@ def test_of_twins_the_one_that_leaves_earlier_effects_where_they_are_enters(monk
     monkeypatch.setattr(Line, "moved", lambda self, fitted, before: 9.0 * (fitted.effects[-1].name != "square"))
     (step,) = found(world).steps
     assert step.effect.name == first
+
+
+def test_a_fit_on_a_base_of_the_reserve_starts_with_the_effects_of_the_quick_fit(monkeypatch):
+    """They have been moved together; the parameters of the base itself are those of the model, which has that base."""
+    world = line(0)
+    monkeypatch.setattr(world, "values_of_base", lambda fitted: {"a": fitted.values["a"]}, raising=False)
+    fitted = Fitted("bend", (Curve("square"),), {"a": 1.0, "square": 2.0}, 0.0)
+    quick = Fitted("line", (Curve("square"), Curve("wave")), {"a": 5.0, "square": 3.0, "wave": 4.0}, 0.0)
+    of = Search(world, SearchSettings(), np.random.default_rng(0), str)
+    assert of.near_fit(quick, fitted, "bend") == ("bend", quick.effects, {"a": 1.0, "square": 3.0, "wave": 4.0}, "near")
+    assert of.near_fit(quick, fitted, None) == ("line", quick.effects, quick.values, "near")
 
 
 class WithReserve(Line):
