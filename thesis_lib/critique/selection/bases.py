@@ -85,15 +85,17 @@ class Bases(Generic[E, F, J]):
     def with_best_base(self, step: Step[E, F, J]) -> Step[E, F, J]:
         """The step, fitted in full, with the base that fits best; another one may have compensated for the effect."""
         world, fitted, least = self.world, step.fitted, self.settings.tell_apart
-        others = world.fits([(name, fitted.effects, fitted.values, "quick") for name in world.bases])
-        others += world.reserve_fits(fitted) if fitted.base in world.reserve else []
-        others = [fit for fit in others if fit.base != fitted.base]
-        for quick in sorted(others, key=lambda fit: -fit.score)[:1]:
-            best = world.fit(quick.base, quick.effects, quick.values, "near")
-            if best.score - fitted.score >= least:
-                judged = self.evidence.judge(best)
-                if judged.total - step.judged.total >= least and not self.spoils(best, judged, step.judged):
-                    step = replace(step, fitted=best, judged=judged)
+        laws = world.fits([(name, fitted.effects, fitted.values, "quick") for name in world.bases])
+        reserve = world.reserve_fits(fitted) if fitted.base in world.reserve else []
+        # in space quick fits of the two kinds do not compare: a law may be better than all of the reserve
+        for others in (laws, reserve) if world.asks_reserve_first else (laws + reserve,):
+            others = [fit for fit in others if fit.base != step.fitted.base]
+            for quick in sorted(others, key=lambda fit: -fit.score)[:1]:
+                best = world.fit(quick.base, quick.effects, quick.values, "near")
+                if best.score - step.fitted.score >= least:
+                    judged = self.evidence.judge(best)
+                    if judged.total - step.judged.total >= least and not self.spoils(best, judged, step.judged):
+                        step = replace(step, fitted=best, judged=judged)
         return replace(step, fitted=self.in_full(step.fitted))
 
     def with_other_base(
