@@ -1,13 +1,14 @@
 """The search on a world made for this test: a line through noisy points, and four curves that it may lack."""
 
 from dataclasses import dataclass, replace
+from types import SimpleNamespace
 from typing import Self, TypeVar
 
 import numpy as np
 import pytest
 
 from thesis_lib.critique.selection.bases import Bases
-from thesis_lib.critique.selection.discovery import Path, judge_held_out
+from thesis_lib.critique.selection.discovery import Path, Step, judge_held_out
 from thesis_lib.critique.selection.evidence import Evidence
 from thesis_lib.critique.selection.scan import orthonormal, scan
 from thesis_lib.critique.selection.search import Search, search, split
@@ -197,6 +198,29 @@ def test_a_fit_on_a_base_of_the_reserve_starts_with_the_effects_of_the_quick_fit
     of = Search(world, SearchSettings(), np.random.default_rng(0), str)
     assert of.near_fit(quick, fitted, "bend") == ("bend", quick.effects, {"a": 1.0, "square": 3.0, "wave": 4.0}, "near")
     assert of.near_fit(quick, fitted, None) == ("line", quick.effects, quick.values, "near")
+
+
+@pytest.mark.parametrize(("in_space", "chosen"), [(True, "law"), (False, "slow")])
+def test_in_space_a_law_is_tried_even_if_a_base_of_the_reserve_has_the_better_quick_fit(in_space, chosen):
+    quick, near = {"law": 1.0, "other": 2.0}, {"law": 50.0, "other": 5.0, "slow": 10.0}
+
+    def fitted(base: str, scores: dict[str, float]) -> Fitted:
+        return Fitted(base, (Curve("wave"),), {}, scores[base])
+
+    world = SimpleNamespace(
+        bases=("law",),
+        reserve=("slow", "other"),
+        asks_reserve_first=in_space,
+        fits=lambda asked: [fitted("law", quick)],
+        reserve_fits=lambda of: [fitted("other", quick)],
+        fit=lambda base, *_: fitted(base, near),
+        errs_more=lambda *_: False,
+    )
+    judge = lambda fit: SimpleNamespace(total=fit.score)  # noqa: E731
+    evidence = SimpleNamespace(world=world, settings=SearchSettings(), judge=judge)
+    slow = fitted("slow", near)
+    step = Step(Curve("wave"), (), None, 0.0, (1.0, 1.0, 1.0), slow, judge(slow), None)
+    assert Bases(evidence).with_best_base(step).fitted.base == chosen
 
 
 class WithReserve(Line):
