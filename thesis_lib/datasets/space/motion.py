@@ -21,9 +21,8 @@ from thesis_lib.bodies.solid_body import UNIT
 from thesis_lib.foundation.errors import UserError
 
 Readings = Mapping[str, Callable[[], np.ndarray]]
-NEARLY = (
-    1e-3  # of the longer steps in time, below which a step is no sampling; frames that arrive together are apart more
-)
+# of the longer steps in time: no camera takes two frames so close, and frames that arrive together are further apart
+NEARLY = 1e-3
 
 
 @dataclass(frozen=True, eq=False)
@@ -184,7 +183,7 @@ def join(motions: Sequence[Motion], placed: bool = False) -> tuple[Motion, np.nd
 
 
 def refuse_equal_times(motions: Sequence[Motion], placed: bool) -> None:
-    """UserError if samples of a piece (as in `join`) have equal times, or nearly; distinct poses are no repetitions."""
+    """UserError if samples of a piece (as in `join`) have equal times, or nearly, but distinct poses."""
     if found := _first_step(_pieces(motions, placed), together):
         where, at, count, _ = found
         raise UserError(
