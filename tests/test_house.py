@@ -83,7 +83,7 @@ def imported_rooms(name: str) -> set[str]:
 
 def said_rooms() -> dict[str, list[str]]:
     """Room -> those that it imports from, in the order of the architecture's tables."""
-    section = TEXT["docs/architecture.md"].split("## The rooms of")[1].split("\n## ")[0]
+    section = TEXT["docs/architecture.md"].split("## The packages of")[1].split("\n## ")[0]
     rows = re.findall(r"^\| `([\w.]+)` \|[^|]+\|([^|]*)\|$", section, re.M)
     return {name: re.findall(r"[\w.]+", uses) for name, uses in rows}
 

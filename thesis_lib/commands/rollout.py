@@ -32,7 +32,8 @@ body:
   benchmark position_m, angle_rad      |Δp| in m and |Δθ| in rad, for comparison with engines
   final_face share                     share of tosses that end on the measured face
 
-The column floor is the error due to the uncertain initial state alone.
+The column floor is the difference between two simulations with the model, from initial states drawn within their
+uncertainty. A fitted initial state may be more accurate than that; the error of the model is then below the floor.
 
 With --fit the named parameters, first fitted to hits, are fitted to the whole tosses that the critique did not hold
 out; the last column then compares both models on the held-out tosses.

@@ -57,7 +57,7 @@ class SpaceHeader(Section):
     )
     surface: FlatSurface = FlatSurface()
     surfaces: Annotated[tuple[NamedSurface, ...], Field(max_length=MOST)] | None = Field(
-        None, description="flat surfaces instead of the surface"
+        None, description="flat surfaces instead of the surface; `critique` takes a set with one surface only"
     )
     gravity: tuple[Coordinate, Coordinate, Coordinate] = Field(
         (0.0, 0.0, -9.81), description="m/s², in the axes of the recording; [0, 0, 0] for none"

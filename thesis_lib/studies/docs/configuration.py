@@ -31,7 +31,8 @@ def header_text(header: type[Section]) -> str:
     return table(("key", "needed", "kind", "meaning"), _header_rows("", header))
 
 
-def _header_rows(path: str, section: type[Section]) -> Iterator[tuple[str, str, str, str]]:
+def _header_rows(path: str, section: type[Section], within: str = "") -> Iterator[tuple[str, str, str, str]]:
+    """Rows of the keys of a section; `within`: the section's own key, if it may be absent."""
     for name, field in section.model_fields.items():
         key = f"{path}{field.alias or name}"
         if name == "shape":
@@ -40,9 +41,10 @@ def _header_rows(path: str, section: type[Section]) -> Iterator[tuple[str, str, 
             if listed := key == "surfaces":
                 yield code(key), "no", "list", field.description or ""
             for one in inner:
-                yield from _header_rows(f"{key}{'[]' * listed}.", one)
+                own = "" if field.is_required() else code(key)
+                yield from _header_rows(f"{key}{'[]' * listed}.", one, own)
         else:
-            needed = "yes" if field.is_required() else "no"
+            needed = f"yes, within {within}".removesuffix(", within ") if field.is_required() else "no"
             if not field.is_required() and field.default not in (None, ""):
                 number = isinstance(field.default, (int, float)) and not isinstance(field.default, bool)
                 needed += f", default {f'{field.default:g}' if number else json.dumps(field.default)}"
