@@ -5,7 +5,7 @@ A page is Markdown written by hand; only the text between the two lines
     <!-- written by python -m thesis_lib.studies.docs: NAME -->
     <!-- end of NAME -->
 
-is generated, by `BLOCKS[NAME]`.  A page with a template in docs/templates/ (README.md, docs/findings.md, ...) is rendered
+is generated, by `BLOCKS[NAME]`.  A page with a template in docs/templates/ (README.md, for example) is rendered
 from the template with numbers from stored tables, laws, effects and columns (`templates`).
 """
 
