@@ -211,19 +211,21 @@ def test_hits_must_lie_on_the_surface_and_approach_it():
 
 @pytest.mark.slow
 def test_check_prints_what_is_in_a_set_in_space(tmp_path, capsys):
-    folder = write(tmp_path / "drops", header(), trajectories=flights(), impacts=impacts(8))
+    hits = impacts(8)
+    hits.loc[0, ["vz_pre", "vz_post"]] = -0.2, 0.1
+    folder = write(tmp_path / "drops", header(), trajectories=flights(), impacts=hits)
     assert main(["check", str(folder)]) == 0
     text = capsys.readouterr().out
     assert "body        box, reaches 0.07071 m" in text and "flights     8, which fall by (" in text
     assert (
-        "hits        8 can be used in 8 trials (corner 0, edge 0, face 8)" in text
+        "hits        8 can be used in 8 trials (corner 0, edge 0, face 7, weak 1)" in text
         and "only, no verdict: 8 usable" in text
     )
     assert "The dataset is valid." in text
     assert main(["check", str(folder), "--json"]) == 0
     facts = json.loads(capsys.readouterr().out)
     assert facts["dimensions"] == 3 and facts["motion"]["flights"] == 8 and facts["motion"]["reading"] == "as stated"
-    assert facts["detection"]["by_contact"] == {"corner": 0, "edge": 0, "face": 8}
+    assert facts["detection"]["by_contact"] == {"corner": 0, "edge": 0, "face": 7}
     assert facts["surfaces"]["surface"]["normal"] == [0.0, 0.0, 1.0]
 
 

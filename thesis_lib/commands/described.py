@@ -29,8 +29,9 @@ def described(folder: str | Path, as_json: bool = False, compare: bool = False) 
 def hits_told(dataset: "Dataset", compare: bool = False) -> dict:
     """Summary of the hits in a dataset in space that a critique would use, ready for JSON.
 
-    Keys `used`, `trials`, `by_contact`, `left_out` (reason -> kind of contact -> count), `elsewhere` (trial and time in
-    s of hits off the surface), `warnings`, `tracked` (a sentence, or none); `why`, if no hit can be used.
+    Keys `used` (single hits and episodes), `hits` (in these), `trials`, `by_contact` (of those that `hard_hits` keeps),
+    `left_out` (reason -> kind of contact -> count), `elsewhere` (trial and time in s of hits off the surface),
+    `warnings`, `tracked` (a sentence, or none); `why`, if no hit can be used.
     """
     import numpy as np
 
@@ -53,6 +54,7 @@ def hits_told(dataset: "Dataset", compare: bool = False) -> dict:
     }
     return told | {
         "used": len(o),
+        "hits": int(o.hits.sum()),
         "trials": len(np.unique(o.trial)),
         "by_contact": {kind: int((used == kind).sum()) for kind in ("corner", "edge", "face") if len(hits)},
         "left_out": reasons,

@@ -205,8 +205,9 @@ def _hit_lines(hits: dict) -> list[str]:
     lines = [f"tracked     {hits['tracked']}"] if hits["tracked"] else []
     if "why" in hits:
         return [*lines, f"critique    none: {hits['why']}"]
-    kinds = _counts(hits["by_contact"])
-    n = sum(hits["by_contact"].values()) or hits["used"]
+    n, kinds = hits["hits"], hits["by_contact"]
+    weak = n - sum(kinds.values())
+    kinds = _counts(kinds | {"weak": weak} if any(kinds.values()) and weak else kinds)
     episodes = f", as {hits['used']} single hits and episodes" if n != hits["used"] else ""
     lines.append(
         f"hits        {n} can be used in {plural(hits['trials'], 'trial')}{f' ({kinds})' if kinds else ''}{episodes}"

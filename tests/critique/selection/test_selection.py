@@ -187,6 +187,12 @@ def test_of_twins_the_one_that_leaves_earlier_effects_where_they_are_enters(monk
     monkeypatch.setattr(Line, "moved", lambda self, fitted, before: 9.0 * (fitted.effects[-1].name != "square"))
     (step,) = found(world).steps
     assert step.effect.name == first
+    # and one that moves further and predicts worse is no alternative
+    monkeypatch.setattr(Line, "moved", lambda self, fitted, before: 9.0 * (fitted.effects[-1].name == "square"))
+    near = {name: world.fit("line", (world.candidates[name],)) for name in ("wave", "square")}
+    evidence = Evidence(world, SearchSettings(), np.random.default_rng(1))
+    judgements = dict(zip(near, evidence.judged(list(near.values()))))
+    assert evidence.as_good_by_moving("wave", judgements, near, world.fit("line", ())) == []
 
 
 def test_a_fit_on_a_base_of_the_reserve_starts_with_the_effects_of_the_quick_fit(monkeypatch):
@@ -375,6 +381,41 @@ def test_a_base_of_the_reserve_that_ends_worse_is_left_again():
     assert path.simpler_within(1) is copy
     path.steps = [*discovery.steps]
     assert path.simpler_within(2) is None and path.simpler_within(3) is copy
+
+
+def test_after_a_return_to_a_law_the_next_effect_is_judged_beside_that_law():
+    class Worse(WithReserve):
+        """The reserve predicts worse than the line and leaves an error, as the line does."""
+
+        reserve, asks_reserve_first = ("worse",), True
+
+        def reserve_fits(self, fitted, refine=False):
+            return [] if refine else [self.fit("worse", fitted.effects)]
+
+        def columns(self, effects, base="line"):
+            columns = super().columns(effects, base)
+            return np.column_stack([columns[:, :1], np.abs(self.x), columns[:, 2:]]) if base == "worse" else columns
+
+    world, said = line(0, Worse, wave=SIZE, square=0.7), []
+    world.candidates = {name: world.candidates[name] for name in ("wave", "square")}
+    steps = found(world, say=said.append).steps
+    assert "on worse once more, with other effects" in said
+    assert [step.effect.name for step in steps] == ["wave"]  # a square of this size does not matter
+
+
+def test_the_path_before_a_base_of_the_reserve_ends_with_the_step_that_would_have_entered(monkeypatch):
+    world, kept = line(0, WithReserve, wave=3.0 * SIZE), []
+
+    def with_a_rival(bases, step, *_):
+        rival = world.candidates["step"]
+        fitted = world.fit("bend", (*step.fitted.effects[:-1], rival))
+        return replace(step, effect=rival, fitted=fitted, judged=bases.evidence.judge(fitted))
+
+    monkeypatch.setattr(Bases, "with_other_base", with_a_rival)
+    monkeypatch.setattr(Path, "simpler_within", lambda path, _: kept.append(path.simpler))
+    found(world, SearchSettings(max_effects=1))
+    (simpler,) = kept
+    assert [step.effect for step in simpler.steps] == list(simpler.fitted.effects)
 
 
 def test_on_a_base_of_the_reserve_slopes_name_a_finalist_that_quick_fits_misjudge(monkeypatch):

@@ -113,11 +113,11 @@ class Evidence(Generic[E, F, J]):
                     yield one, judgements
 
     def as_good_by_moving(self, name: str, judgements: Mapping[str, J], near: Mapping[str, F], fitted: F) -> list[str]:
-        """Candidates that predict no better than `name`, beyond chance, and move earlier effects much further."""
+        """Candidates that predict as well as `name`, apart from chance, and move earlier effects much further."""
         least = self.world.moved(near[name], fitted) + self.settings.moved
         further = [other for other in judgements if self.world.moved(near[other], fitted) > least]
         best = judgements[name].total
-        return [o for o in further if judgements[o].total - best < scatter(judgements[name], judgements[o])]
+        return [o for o in further if abs(judgements[o].total - best) < scatter(judgements[name], judgements[o])]
 
     def superfluous(
         self, steps: Sequence[Step[E, F, J]], asked: Sequence[Step[E, F, J]], drop: Drop = "immaterial"

@@ -149,10 +149,10 @@ class Search(Generic[E, F, J]):
                 on = {e.name for e in step.fitted.effects}
                 path.steps = steps = [*(one for one in path.steps if one.effect.name in on), step]
                 if with_reserve and not forced and world.reserve and world.leaves_an_error(step.judged):
-                    steps[-1] = bases.with_other_base(step, quick, contenders, judged)
-                    if steps[-1] is not step:
-                        other = (steps[-1].fitted, steps[-1].judged)
+                    moved = bases.with_other_base(step, quick, contenders, judged)
+                    if moved is not step:
                         path.remember(step, shortlist)
+                        steps[-1], other = moved, (moved.fitted, moved.judged)
             if other:
                 self.on_other_base(path, other)
                 continue
@@ -204,7 +204,7 @@ class Search(Generic[E, F, J]):
         self.say(f"on {other.fitted.base} once more, with other effects")
         if other.steps:
             last = other.steps[-1] = self.bases.with_best_base(other.steps[-1])
-            other.fitted = last.fitted
+            other.fitted, other.judged = last.fitted, last.judged
         other = self.extend(other, with_reserve=False)
         gain = self.evidence.gain(other.judged, path.judged, "simpler", other.base)
         errs_more = self.world.errs_more(other.judged, path.judged, self.settings)
@@ -326,9 +326,9 @@ class Search(Generic[E, F, J]):
                 others = shortlist.alike
                 if others is None:
                     others = self.evidence.alternatives(name, gains, tests, judgements)
-                others = tuple(
-                    dict.fromkeys((*others, *self.evidence.as_good_by_moving(name, judgements, near, fitted)))
-                )
+                moving = self.evidence.as_good_by_moving(name, judgements, near, fitted)
+                moving = [other for other in moving if not world.includes(other, name)]
+                others = tuple(dict.fromkeys((*others, *moving)))
                 return Step(e, others, fails, p_value, gain, near[name], judgement, tests), None
         return None, below
 
