@@ -70,4 +70,6 @@ def as_markdown(store: Rows = ROWS, planar: bool = True) -> str:
             cells = (f"{name}, {trials}", row_title(row), row["effects"], error, floor)
             cells += () if planar else (number(float(row["position"])), number(float(row["angle"])))
             lines.append((*cells, f"{row['mu']:.3f}", f"{row['epsilon']:.3f}", lasting, lacks))
+    if not any(line[-1] for line in lines):
+        head, lines = head[:-1], [line[:-1] for line in lines]
     return table(head, lines)
