@@ -1,4 +1,4 @@
-"""What contradicts what was measured of the body is told as a stand-in, never as the cause."""
+"""What contradicts what was measured of the body, or explains little, is told as a stand-in, never as the cause."""
 
 from dataclasses import replace
 from functools import cache
@@ -12,7 +12,7 @@ from thesis_lib.bodies.body import Body, Uncertainty
 from thesis_lib.bodies.shapes import Ellipse
 from thesis_lib.critique.drops.criticise import DropsCritique, criticise_drops
 from thesis_lib.critique.drops.settings import CritiqueSettings
-from thesis_lib.critique.drops.stand_ins import stand_ins
+from thesis_lib.critique.drops.stand_ins import StandIn, partial, stand_ins
 from thesis_lib.critique.likelihood.bounds import Bound
 from thesis_lib.critique.results.diagnosis import diagnosis
 from thesis_lib.effects import EFFECTS
@@ -156,3 +156,48 @@ def test_a_bound_contradicts_what_was_measured_only_if_it_excludes_it(bound, err
     step = SimpleNamespace(effect=EFFECTS["wrong_inertia"], alternatives=())
     found = stand_ins(stated(SURE), [step], fitted, CONTRADICTS)
     assert (found["wrong_inertia"].standard_errors if found else None) == (errors and pytest.approx(errors))
+
+
+class Misfits:
+    """Errors by channel, each with a noise floor of 1."""
+
+    def __init__(self, **errors: float) -> None:
+        self.errors = errors
+
+    def misfit(self, channel: str) -> tuple[float, float]:
+        return self.errors.get(channel, np.nan), 1.0
+
+
+@pytest.mark.parametrize(
+    ("base", "final", "without", "expected"),
+    [
+        ({"impact": 5.0}, {"impact": 4.0}, {"impact": 5.0}, 0.25),
+        ({"impact": 5.0}, {"impact": 2.0}, {"impact": 5.0}, None),
+        # the flights are explained, whatever is left of the impacts
+        ({"impact": 5.0, "flight": 9.0}, {"impact": 5.0, "flight": 1.5}, {"impact": 5.0, "flight": 9.0}, None),
+        ({"impact": 5.0, "flight": 9.0}, {"impact": 2.0, "flight": 7.0}, {"impact": 2.0, "flight": 9.0}, 0.25),
+        # another effect explains most of what this one lowers further
+        ({"impact": 5.0}, {"impact": 2.0}, {"impact": 2.5}, None),
+        # nothing falls by an amount that matters
+        ({"impact": 5.0}, {"impact": 5.2}, {"impact": 5.2}, 0.0),
+        # an error that a law without effects leaves at the noise says nothing of shares
+        ({"impact": 0.9}, {"impact": 0.8}, {"impact": 2.0}, None),
+    ],
+)
+def test_an_effect_explains_most_of_an_error_that_it_lowers_or_is_a_stand_in(base, final, without, expected):
+    step = SimpleNamespace(effect=EFFECTS["wrong_inertia"])
+    settings = CritiqueSettings()
+    found = partial([step], Misfits(**base), Misfits(**final), {"wrong_inertia": Misfits(**without)}, settings, 0.5)
+    assert found == ({} if expected is None else {"wrong_inertia": StandIn(explains=pytest.approx(expected))})
+
+
+def test_an_effect_that_explains_little_of_an_error_with_structure_is_no_cause(monkeypatch):
+    plain = unstated("lighter")
+    monkeypatch.setattr(DropsCritique, "is_structured", True)
+    assert replace(plain).stand_ins == {}  # it explains nearly all
+    demanding = replace(plain, settings=CritiqueSettings(explains=1.0))
+    assert demanding.verdict == "unexplained" and demanding.stand_ins["wrong_inertia"].denies == ""
+    told = diagnosis(demanding, np.random.default_rng(0))
+    (first, *others), explains = told["summary"], told["effects"][0]["stand_in"]["explains"]
+    assert "that no effect in the library explains; with wrong inertia as a stand-in" in first and 0.5 < explains < 1.0
+    assert f"the model explains {100 * explains:.0f} % of what exceeds the noise" in " ".join(others)

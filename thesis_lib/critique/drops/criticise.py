@@ -21,7 +21,7 @@ from thesis_lib.critique.drops.judgement import Judgement
 from thesis_lib.critique.drops.one_body import refuse_what_is_not_one_body
 from thesis_lib.critique.drops.own_restitution import own_restitution
 from thesis_lib.critique.drops.settings import CritiqueSettings
-from thesis_lib.critique.drops.stand_ins import StandIn, stand_ins
+from thesis_lib.critique.drops.stand_ins import StandIn, partial, stand_ins
 from thesis_lib.critique.drops.unpredictable import predictable
 from thesis_lib.critique.drops.world import Drops, DropsDiscovery, testable_effects
 from thesis_lib.critique.likelihood.channels import FLIGHT
@@ -95,10 +95,12 @@ class DropsCritique:
 
     @cached_property
     def stand_ins(self) -> dict[str, StandIn]:
-        """Effects of the final model that contradict the known properties of the body, by name."""
-        if self.source is None:
-            return {}
-        return stand_ins(self.source.header.body, self.discovery.steps, self.ladder[-1][1], self.settings.contradicts)
+        """Effects of the final model that are, or may be, only proxies for another cause, by name."""
+        steps, (_, fitted, last), s = self.discovery.steps, self.ladder[-1], self.settings
+        found = partial(steps, self.ladder[0][2], last, self.without, s, s.explains) if self.is_structured else {}
+        if self.source is not None:
+            found |= stand_ins(self.source.header.body, steps, fitted, s.contradicts)
+        return found
 
     @property
     def is_structured(self) -> bool:

@@ -136,6 +136,13 @@ class CritiqueSettings(SearchSettings):
         description="standard errors between an effect and the known properties of the body beyond which it is not the "
         "cause: by chance once in 16,000 effects, with two parameters once in 3,000",
     )
+    explains: float = Field(
+        0.5,
+        ge=0,
+        le=1,
+        description="if structure is left: least share of what exceeds the noise that the model explains, in one of "
+        "the errors that an effect lowers; otherwise the effect may only stand in for the cause",
+    )
 
 
 class CritiqueRun(Section):

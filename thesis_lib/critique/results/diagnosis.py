@@ -16,7 +16,7 @@
 | effects         | clears              | whether it passes the thresholds; an effect switched on by hand may fail    |
 |                 | fails               | null, or the test it fails: chance, immaterial, spoils (another error)      |
 |                 | material_in         | channels whose held-out misfit it lowers materially                         |
-|                 | stand_in            | null, or why it cannot be the cause: see `drops/stand_ins.py`               |
+|                 | stand_in            | null, or why it is not, or may not be, the cause: see `drops/stand_ins.py`  |
 |                 | unseen              | directions of its parameters that these data cannot show; absent if none    |
 |                 | could_be            | null, or other `causes`: for gravity the error of `clock` and `scale`       |
 |                 |                     | (relative) and the true `rate` in Hz; for a size from which k was computed, |

@@ -97,8 +97,13 @@ def rejected(effect: Mapping) -> str:
 
 
 def stands_in(effect: Mapping) -> str:
-    """Sentence on why an effect is not the cause."""
+    """Sentence on why an effect is not the cause, or may not be."""
     why, title = effect["stand_in"], EFFECTS[effect["name"]].title
+    if why.get("explains") is not None:
+        return (
+            f"“{title}” may only stand in for the missing cause: of the errors that it lowers, the model explains "
+            f"{100 * why['explains']:.0f} % of what exceeds the noise."
+        )
     said = f"“{title}” stands in for something else: it contradicts the stated {why['denies']} by "
     said += f"{why['standard_errors']:.2g} standard errors"
     if not why["instead"]:
@@ -117,14 +122,14 @@ def possible_faults(effect: Mapping) -> list[str]:
 def faults(content: Mapping) -> list[str]:
     """Faults of the measurement, and effects that may be such faults."""
     found, sentences = effects_found(content), []
-    if measured := list(filter(is_fault, found)):
+    if measured := [effect for effect in found if is_fault(effect) and not effect["stand_in"]]:
         doubtful = any(EFFECTS[n].family != "measurement" for e in measured for n in e["indistinguishable_from"])
         sentences.append(
             f"The measurements {'may be' if doubtful else 'look'} faulty: {sized(measured)}; "
             "correct the camera or its calibration before reading anything else here as physics."
         )
     for effect in found:
-        if names := possible_faults(effect):
+        if not effect["stand_in"] and (names := possible_faults(effect)):
             sentences.append(
                 f"The measurements may be faulty: these data cannot tell “{EFFECTS[effect['name']].title}” from "
                 f"“{alternatives_listed([EFFECTS[name].title for name in names])}”; rule that out before reading it "

@@ -167,7 +167,7 @@ def _unexplained(content: Mapping, fall: str) -> list[str]:
     replaced = [EFFECTS[e["name"]].title for e in found if e["stand_in"]]
     beyond = f"; its held-out error is {speed(error['base'])}{_floor(error)}"
     if found:
-        besides = listed(physics) or ("that fault" if any(map(is_fault, found)) else "")
+        besides = listed(physics) or ("that fault" if any(is_fault(e) and not e["stand_in"] for e in found) else "")
         taken = f"with {listed(replaced)} as a stand-in" if len(replaced) == len(found) else _with(content, found)
         beyond = f"{besides and f' beyond {besides}'}; {taken} {fall}"
     if remaining.get("elsewhere") and not remaining["structured"]:

@@ -28,7 +28,7 @@ from thesis_lib.statistics.wording import listed, number
 
 
 def faults(d: Mapping) -> Markup:
-    measured = filter(told.is_fault, told.effects_found(d))
+    measured = [effect for effect in told.effects_found(d) if told.is_fault(effect) and not effect.get("stand_in")]
     sentences = [f"{_effect_sentence(effect, d)} {_doubt(effect)}".strip() for effect in measured]
     return paragraph(*sentences) + Markup().join(map(paragraph, told.faults(d)))
 
@@ -48,10 +48,10 @@ def _effect(effect: Mapping, d: Mapping) -> Markup:
     if not effect["clears"]:
         by_hand = f"{title} was switched on by you; {told.why_not(effect)}."
         return paragraph(by_hand, _effect_sentence(effect, d))
-    if told.is_fault(effect):
-        return paragraph(f"{title} is a fault of the measurement; see above.")
     if effect.get("stand_in"):
         return paragraph(told.stands_in(effect), _effect_sentence(effect, d), _shown_by(effect))
+    if told.is_fault(effect):
+        return paragraph(f"{title} is a fault of the measurement; see above.")
     end = told.at_its_end(effect) if told.is_at_end(effect) else ""
     return paragraph(_effect_sentence(effect, d), _doubt(effect), *said([effect]), _shown_by(effect), end)
 

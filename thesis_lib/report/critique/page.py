@@ -104,7 +104,7 @@ def report_html(
         "Sources": ("sources", bullets(sources(d))),
     }
     clearing = [e for e in d["effects"] if e["clears"]]
-    fault = any(e["family"] == "measurement" or possible_faults(e) for e in clearing)
+    fault = any(e["family"] == "measurement" or possible_faults(e) for e in clearing if not e.get("stand_in"))
     own = "" if critique.source is None else (critique.source.header.description or "")
     return critique_page(
         d,

@@ -84,7 +84,7 @@ def criticised(dataset: Dataset, seed: int, **options: Any) -> tuple[dict[str, A
     found = {
         "verdict": critique.verdict,
         "law": critique.discovery.fitted.model.law.name,
-        "named": groups_in(critique.discovery.steps),
+        "named": groups_in(step for step in critique.discovery.steps if step.effect.name not in critique.stand_ins),
         "n_impacts": len(critique.observations),
         "base": float(base.error.mean()),
         "augmented": float(augmented.error.mean()),
