@@ -11,7 +11,7 @@ from thesis_lib.bodies.solid_body import SolidBody
 from thesis_lib.datasets.format.frames import body_states, surface_frames
 from thesis_lib.datasets.format.samples import sampling_period
 from thesis_lib.datasets.format.table_forms import POSE_IN_SPACE
-from thesis_lib.datasets.sources.conversion import Conversion, Recorded, solid_dataset
+from thesis_lib.datasets.sources.conversion import Conversion, Recorded, sampling_rate, solid_dataset
 from thesis_lib.datasets.space.drops import IN_THE_AIR, Drop, cut_drops, until_rest, whole_pieces
 from thesis_lib.datasets.space.falling_body import better_reading, falling, reading_that_falls, settled_fall
 from thesis_lib.datasets.space.flights import Track, find_flights, follow, too_slow
@@ -36,8 +36,10 @@ def keep_in_space(recorded: Recorded) -> Conversion:
         UserError: no free flight is found, rotations fit far better in another reading, or no drop is left.
     """
     everything, turned = recorded, np.flatnonzero(recorded.motion.seen)
-    recorded = replace(recorded, motion=recorded.motion.part(turned), piece=recorded.piece[turned])
-    motion, rig, view, notes, size = recorded.motion, recorded.rig, recorded.view, recorded.notes, recorded.rig.g
+    # the tables keep all rows, so the rate is that of all
+    rig = replace(recorded.rig, rate=sampling_rate(recorded.rig, recorded.motion.t, recorded.piece))
+    recorded = replace(recorded, motion=recorded.motion.part(turned), piece=recorded.piece[turned], rig=rig)
+    motion, view, notes, size = recorded.motion, recorded.view, recorded.notes, recorded.rig.g
     dataset, up = solid_dataset(recorded, view.up), view.up
     body, attitude = dataset.in_space.body, motion.quaternion[:, [3, 0, 1, 2]].T
     if motion.oriented and (other := reading_that_falls(motion, size)):
