@@ -158,12 +158,15 @@ def test_equal_time_stamps_give_way_to_a_rate(tmp_path):
     assert any("rows are taken in order, evenly spaced at --rate 250" in note for note in done.notes)
 
 
-def test_rows_without_a_stamp_are_left_out(tmp_path):
+@pytest.mark.parametrize("unit", ["s", "us", "ns"])
+def test_rows_without_a_stamp_are_left_out(tmp_path, unit):
     """Zeros in the place of a stamp; a trial that begins at 0 after another one keeps its first row."""
-    dead = (7, 8, len(FRAME) - 1)
-    done = read(tmp_path, text(FRAME.assign(t=(FRAME["t"] + 9.0).where(~FRAME.index.isin(dead), 0.0))))
-    same(done, FRAME.drop(index=list(dead)).reset_index(drop=True))
-    assert "3 rows have the time 0 between later ones: they were not stamped, and are left out" in done.notes
+    dead = (0, 1, 7, 8, len(FRAME) - 1)
+    stamps = {"s": FRAME["t"] + 99.0, "us": STAMPS // 1000, "ns": STAMPS}[unit]
+    done = read(tmp_path, text(FRAME.assign(t=stamps.where(~FRAME.index.isin(dead), 0))), units=unit)
+    left = FRAME.drop(index=list(dead)).reset_index(drop=True)
+    same(done, left.assign(t=left["t"] - left.groupby("trial")["t"].transform("first")))
+    assert "5 rows left out, not stamped: the time is 0 among later ones" in done.notes
     assert not any("not stamped" in note for note in read(tmp_path, text()).notes)
 
 

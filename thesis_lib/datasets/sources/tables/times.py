@@ -9,10 +9,12 @@ from thesis_lib.datasets.sources.tables.layout import NO_NUMBER
 from thesis_lib.datasets.sources.tables.log_table import Log
 from thesis_lib.datasets.sources.tables.options import Reading
 from thesis_lib.foundation.errors import UserError
+from thesis_lib.statistics.wording import plural
 
 SINCE_1970 = {"ns": 1e17, "us": 1e14, "ms": 1e11}  # larger stamps are in this unit; the present is 1.8e9 s
 SECOND = (1.0, 1e3, 1e6, 1e9)  # in s, ms, us, ns
 FALLS = 0.9  # of a second, by which the fraction of a second falls from one row to the next
+FAR = 1e4  # usual steps of a trial; so long after its first row no trial goes on
 DAY = 86400.0  # s
 _CLOCK = r"\d{1,2}:\d\d:\d\d([.,]\d+)?"
 _TIME_OF_DAY = re.compile(_CLOCK)
@@ -46,9 +48,9 @@ def times(log: Log, options: Reading, trial: pd.Series, name: str, notes: list[s
             if unit := next((unit for unit, least in SINCE_1970.items() if first > least), None):
                 raise UserError(f"{log.where(name)} counts {unit} since 1970 ({first:.4g}): give --units {unit}.")
         factor = options.si.to_si("t", stated, log.where(name))
-    if unstamped := int(np.sum(zero := _zero_between(t, trial))):
-        t = np.where(zero, np.nan, t)
-        notes.append(f"{unstamped} rows have the time 0 between later ones: they were not stamped, and are left out")
+        if unstamped := int(np.sum(zero := _unstamped(log.numbers(name), trial))):
+            t = np.where(zero, np.nan, t)
+            notes.append(f"{plural(unstamped, 'row')} left out, not stamped: the time is 0 among later ones")
     row, before, step = _steps(t, trial)
     if len(step) and not step.any():
         if options.rate is None:
@@ -79,11 +81,15 @@ def _steps(t: np.ndarray, trial: pd.Series) -> tuple[np.ndarray, np.ndarray, np.
     return row, before, t[row] - t[before]
 
 
-def _zero_between(t: np.ndarray, trial: pd.Series) -> np.ndarray:
-    """Mask (n,) of rows with the time 0 after a later time of their trial, which does not fall without them."""
-    stamped = pd.Series(np.where(t == 0.0, np.nan, t)).groupby(pd.factorize(trial)[0])
-    before, after = stamped.ffill().to_numpy(), stamped.bfill().to_numpy()
-    return (t == 0.0) & (before > 0.0) & ~(after < before)
+def _unstamped(stamp: np.ndarray, trial: pd.Series) -> np.ndarray:
+    """Mask (n,) of rows with the stamp 0 that follow a later one of their trial, which does not fall without them, or
+    are the first of their trial, by far."""
+    label = pd.Series(pd.factorize(trial)[0])
+    stamped = pd.Series(stamp).where(stamp != 0.0)
+    before, after = (getattr(stamped.groupby(label), fill)().to_numpy() for fill in ("ffill", "bfill"))
+    usual = stamped.dropna().groupby(label).diff().groupby(label).median().reindex(label).to_numpy()
+    first = np.isnan(before) & (usual > 0.0) & (after > FAR * usual)
+    return (stamp == 0.0) & ((before > 0.0) & ~(after < before) | first)
 
 
 def _counts(t: np.ndarray, trial: pd.Series) -> bool:
