@@ -115,11 +115,13 @@ def test_stamps_in_nanoseconds_keep_their_digits(tmp_path):
     np.testing.assert_array_equal(poses["t"][:39], 1e-9 * one.astype(float))
 
 
-def test_rows_of_zeros_far_from_the_body_are_lost_frames(tmp_path):
-    lost = np.isin(np.arange(len(FRAME)), [5, 6, 7, 20])
+@pytest.mark.filterwarnings("error::RuntimeWarning")
+@pytest.mark.parametrize("rows", [[5, 6, 7, 20], range(1, len(FRAME), 2)])
+def test_rows_of_zeros_far_from_the_body_are_lost_frames(tmp_path, rows):
+    lost = np.isin(np.arange(len(FRAME)), rows)
     made = read(tmp_path, text(FRAME.mask(lost[:, None] & FRAME.columns.isin(["x", "y", "theta"]), 0.0)))
     same(made, FRAME[~lost])
-    assert "4 rows of zeros taken as lost" in " ".join(made.notes)
+    assert f"{len(rows)} rows of zeros taken as lost" in " ".join(made.notes)
     # a body may pass the origin
     near = FRAME.assign(
         x=FRAME["x"] - FRAME["x"][5], y=FRAME["y"] - FRAME["y"][5], theta=FRAME["theta"] - FRAME["theta"][5]
@@ -178,7 +180,12 @@ REFUSED = {
         {},
         "row 2: '11/20/2025 10:00:00 AM' is not read as",
     ),
-    "month": (text(FRAME.assign(t="2025-13-20 10:00:00")), {}, "convert date and time to seconds"),
+    "month": (
+        text(FRAME.assign(t="2025-12-20 10:00:00")).replace("12-20", "13-20", 9).replace("13-20", "12-20", 8),
+        {},
+        "row 10: '2025-13-20 10:00:00' is not read as a time: convert date and time to seconds",
+    ),
+    "minute": (text(FRAME.assign(t="10:60:00")), {}, "row 2: '10:60:00' is not read as a time"),
     "contradicting": (text(NAMED), {"columns": COLUMNS, "units": "m"}, "x (mm) is in mm, but --units states m"),
     "below": (below(",s,mm,mm,rad", text()), {"units": "deg"}, "column theta is in rad, but --units states deg"),
     "quantity": (text(NAMED), {"columns": "t=x (mm),x=t (s),y=y [mm],theta=angle (°)"}, "is in mm, but t is a time"),

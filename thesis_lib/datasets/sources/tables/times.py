@@ -16,7 +16,7 @@ SECOND = (1.0, 1e3, 1e6, 1e9)  # in s, ms, us, ns
 FALLS = 0.9  # of a second, by which the fraction of a second falls from one row to the next
 FAR = 1e4  # usual steps of a trial; so long after its first row no trial goes on
 DAY = 86400.0  # s
-_CLOCK = r"\d{1,2}:\d\d:\d\d([.,]\d+)?"
+_CLOCK = r"\d{1,2}:[0-5]\d:[0-5]\d([.,]\d+)?"
 _TIME_OF_DAY = re.compile(_CLOCK)
 _DATE = re.compile(rf"\d{{4}}-\d\d-\d\d[T ]{_CLOCK}( ?(Z|[+-]\d\d:?\d\d))?")
 
@@ -110,20 +110,18 @@ def _since_first(log: Log, name: str) -> np.ndarray | None:
     if not cells.str.contains(":", regex=False).any():
         return None
     form = next((form for form in (_TIME_OF_DAY, _DATE) if form.fullmatch(cells.iloc[0])), None)
-    other = cells if form is None else cells[~cells.str.fullmatch(form).to_numpy(dtype=bool)]
-    try:
-        if not len(other):
-            points = cells.str.replace(",", ".", regex=False)
-            if form is _TIME_OF_DAY:
-                seconds = np.unwrap(pd.to_timedelta(points) / pd.Timedelta(seconds=1), period=DAY)  # across midnight
-            else:
-                at = pd.to_datetime(points, format="ISO8601", utc=True)
-                seconds = ((at - at.iloc[0]) / pd.Timedelta(seconds=1)).to_numpy(float)
-            result = np.full(len(text), np.nan)
-            result[there] = seconds - seconds[0]
-            return result
-    except ValueError:  # month 13
-        other = cells
+    points = cells.str.replace(",", ".", regex=False)
+    points = points.where(cells.str.fullmatch(form or "").to_numpy(dtype=bool))
+    if form is _TIME_OF_DAY:
+        at = pd.to_timedelta(points, errors="coerce")
+    else:
+        at = pd.to_datetime(points, format="ISO8601", utc=True, errors="coerce")
+    other = cells[at.isna().to_numpy()]  # in another form, or of month 13
+    if not len(other):
+        seconds = ((at - at.iloc[0]) / pd.Timedelta(seconds=1)).to_numpy(float)
+        result = np.full(len(text), np.nan)
+        result[there] = np.unwrap(seconds, period=DAY) if form is _TIME_OF_DAY else seconds  # across midnight
+        return result
     raise UserError(
         f"{log.where(name)}, row {other.index[0]}: '{other.iloc[0][:40]}' is not read as a time: convert date and time "
         "to seconds (2025-11-20 10:00:00.126 and 10:00:00.126 are read, if all rows have that form)."
