@@ -64,7 +64,12 @@ def convert_logs(
     if any(frame):
         poses = _of_the_body(poses, frame)
     trial = options.source("trial")["trial"][0]
-    if options.cut is None and not options.per_trial_files and not any(log.has(trial) for log in logs):
+    if (
+        options.cut is None
+        and not rig.walls
+        and not options.per_trial_files
+        and not any(log.has(trial) for log in logs)
+    ):
         warnings += _to_be_cut(files, poses, rig)
     return Conversion(as_dataset(poses, name, files, rig, notes), notes, warnings)
 
