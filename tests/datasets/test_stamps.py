@@ -118,10 +118,12 @@ def test_losses_lie_where_the_stamps_have_them_if_rows_are_little_late(late: flo
     assert np.mean(np.abs(errors(replace(samples, t=found[1]), some)) > 0.5 / 240.0) < MISPLACED
 
 
-def test_equal_stamps_of_a_planar_log_are_put_apart(tmp_path, flights: Flights) -> None:
-    stamps = np.round(arrival(flights.t, flights.trial, np.random.default_rng(8), 1e-3), 3)
+@pytest.mark.parametrize("digits", [3, 9])
+def test_equal_stamps_of_a_planar_log_are_put_apart(tmp_path, flights: Flights, digits: int) -> None:
+    """Or nearly equal ones, with all digits."""
+    stamps = np.round(arrival(flights.t, flights.trial, np.random.default_rng(8), 1e-3), digits)
     log = pd.DataFrame(np.c_[flights.trial, stamps, flights.q], columns=["trial", "t", "x", "y", "theta"])
-    assert 0 < np.sum(np.diff(stamps) == 0.0) < 0.1 * len(log)
+    assert 0 < np.sum(np.abs(np.diff(stamps)) < 1e-6) < 0.1 * len(log)
     log.to_csv(tmp_path / "log.csv", index=False)
     made = convert([tmp_path / "log.csv"], "out", RigOptions(flights.header.body.shape), Reading())
     assert any("those of arrival" in note for note in made.notes) and made.dataset.trajectories is not None

@@ -186,6 +186,11 @@ REFUSED = {
         "row 10: '2025-13-20 10:00:00' is not read as a time: convert date and time to seconds",
     ),
     "minute": (text(FRAME.assign(t="10:60:00")), {}, "row 2: '10:60:00' is not read as a time"),
+    "nearly equal": (
+        text(FRAME.assign(t=FRAME["t"].where(FRAME.index != 5, FRAME["t"][4] + 1e-6).map("{:.7f}".format))),
+        {},
+        "log.txt, row 7, trial 0: the time 0.016 s is that of the row before, or nearly, but the pose is another one",
+    ),
     "contradicting": (text(NAMED), {"columns": COLUMNS, "units": "m"}, "x (mm) is in mm, but --units states m"),
     "below": (below(",s,mm,mm,rad", text()), {"units": "deg"}, "column theta is in rad, but --units states deg"),
     "quantity": (text(NAMED), {"columns": "t=x (mm),x=t (s),y=y [mm],theta=angle (°)"}, "is in mm, but t is a time"),
