@@ -8,6 +8,7 @@ import pandas as pd
 from scipy.spatial.transform import Rotation
 
 from thesis_lib.bodies.solid_body import SolidBody
+from thesis_lib.datasets.checks.in_space import OBLIQUE
 from thesis_lib.datasets.format.frames import body_states, surface_frames
 from thesis_lib.datasets.format.samples import sampling_period
 from thesis_lib.datasets.format.table_forms import POSE_IN_SPACE
@@ -25,7 +26,6 @@ from thesis_lib.statistics.wording import plural
 
 LEVEL = 2e-3  # rad between the upward axis and the fall, up to which they count as parallel
 OFTEN = 0.25  # of the trials: fewer flights do not determine the upward direction
-OBLIQUE = np.radians(3.0)  # between a given upward direction and the fall; an axis levelled by eye stays within
 OFF_TABLE = 2e-3  # m; larger differences between the given and the estimated height of the table are reported
 
 
