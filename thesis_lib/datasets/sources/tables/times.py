@@ -113,14 +113,16 @@ def _since_first(log: Log, name: str) -> np.ndarray | None:
     points = cells.str.replace(",", ".", regex=False)
     points = points.where(cells.str.fullmatch(form or "").to_numpy(dtype=bool))
     if form is _TIME_OF_DAY:
-        at = pd.to_timedelta(points, errors="coerce")
+        since = pd.to_timedelta(points, errors="coerce")
     else:
         at = pd.to_datetime(points, format="ISO8601", utc=True, errors="coerce")
-    other = cells[at.isna().to_numpy()]  # in another form, or of month 13
+        since = at - at.iloc[0]
+    seconds = (since / pd.Timedelta(seconds=1)).to_numpy(float)
+    other = cells[np.isnan(seconds)]  # in another form, or of month 13
     if not len(other):
-        seconds = ((at - at.iloc[0]) / pd.Timedelta(seconds=1)).to_numpy(float)
         result = np.full(len(text), np.nan)
-        result[there] = np.unwrap(seconds, period=DAY) if form is _TIME_OF_DAY else seconds  # across midnight
+        seconds = np.unwrap(seconds, period=DAY) if form is _TIME_OF_DAY else seconds  # across midnight
+        result[there] = seconds - seconds[0]
         return result
     raise UserError(
         f"{log.where(name)}, row {other.index[0]}: '{other.iloc[0][:40]}' is not read as a time: convert date and time "
