@@ -223,6 +223,14 @@ def test_where_the_orientation_is_lost_the_position_stays(tmp_path, capsys, lost
     assert 0.07 < found["qw"].isna().mean() < 0.13 and np.isfinite(found[["x", "y", "z"]]).to_numpy().all()
 
 
+def test_rows_without_an_orientation_count_for_the_rate(tmp_path):
+    """Every second orientation is lost; the check compares the rate with the times of all rows."""
+    frame = flights(trials=12, frames=100)
+    frame.loc[::2, Q] = np.nan
+    code, made = init(tmp_path, frame, *NAMED)
+    assert code == 0 and made.rate == pytest.approx(1.0 / np.diff(frame["t"][:2])[0])
+
+
 @pytest.mark.parametrize(("order", "mirror", "option"), [("xyzw", 1.0, "wxyz"), ("wxyz", -1.0, "--left-handed")])
 def test_a_wrong_reading_is_refused_whatever_point_is_tracked(tmp_path, capsys, order, mirror, option):
     frame = flights(trials=20)

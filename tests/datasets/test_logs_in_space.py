@@ -140,6 +140,10 @@ def test_a_planar_table_of_several_drops_that_is_not_cut_is_doubted(tmp_path, re
     said = capsys.readouterr().out
     assert f"warning: l.csv holds {DROPS} drops, one after the other" in said and "With --cut each" in said
     assert "in 1 trial; 30 in 10 are needed; if it is a long log of several drops, datasets init --cut" in said
+    # nothing is cut between walls
+    assert init(tmp_path, tmp_path / "l.csv", "--wall", "floor:0,0,0,1", "--gravity", "9.81", "--force") == 0
+    said = capsys.readouterr().out
+    assert "in 1 trial; 30 in 10 are needed" in said and "--cut" not in said
     # not a single drop, nor drops with their numbers, nor a file that is said to be one trial
     cases = [(log[recorded.drop == 0], {}), (log.assign(trial=recorded.drop), {})]
     cases += [(log, {"per_trial_files": True}), (log, {"cut": False})]

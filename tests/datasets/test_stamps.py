@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 from bouncing import Flights, ellipse_header, fly
 
-from thesis_lib.datasets.format.samples import ArcSettings, make_samples
+from thesis_lib.datasets.format.samples import ArcSettings, make_samples, sampling_period
 from thesis_lib.datasets.impacts.detect import find_in_arrays
 from thesis_lib.datasets.samples.stamps import exposure_times, times_of_pictures
 from thesis_lib.datasets.sources.logs import convert
@@ -19,6 +19,7 @@ LATE = 2e-3  # s, mean of the delays; half a period
 SHIFT = 0.3e-3  # s; a trial's rows move together by its least delay, which is LATE over the number of rows
 MISPLACED = 1e-3  # share of rows that are late by a whole interval beside a loss, or before the end of a trial
 CLOSE = 2e-4  # relative; a mean of 100 slopes through 150 rows each has 1e-4
+LOOSE = 0.02  # relative; a period that lets late rows be counted
 OF_A_LOG = 5e-4  # relative; 0.3 ms over 0.6 s, since all trials of `fly` are rounded alike
 
 
@@ -117,10 +118,12 @@ def test_losses_lie_where_the_stamps_have_them_if_rows_are_little_late(late: flo
     assert np.mean(np.abs(errors(replace(samples, t=found[1]), some)) > 0.5 / 240.0) < MISPLACED
 
 
-def test_equal_stamps_of_a_planar_log_are_put_apart(tmp_path, flights: Flights) -> None:
-    stamps = np.round(arrival(flights.t, flights.trial, np.random.default_rng(8), 1e-3), 3)
+@pytest.mark.parametrize("digits", [3, 9])
+def test_equal_stamps_of_a_planar_log_are_put_apart(tmp_path, flights: Flights, digits: int) -> None:
+    """Or nearly equal ones, with all digits."""
+    stamps = np.round(arrival(flights.t, flights.trial, np.random.default_rng(8), 1e-3), digits)
     log = pd.DataFrame(np.c_[flights.trial, stamps, flights.q], columns=["trial", "t", "x", "y", "theta"])
-    assert 0 < np.sum(np.diff(stamps) == 0.0) < 0.1 * len(log)
+    assert 0 < np.sum(np.abs(np.diff(stamps)) < 1e-6) < 0.1 * len(log)
     log.to_csv(tmp_path / "log.csv", index=False)
     made = convert([tmp_path / "log.csv"], "out", RigOptions(flights.header.body.shape), Reading())
     assert any("those of arrival" in note for note in made.notes) and made.dataset.trajectories is not None
@@ -137,6 +140,26 @@ def test_rate_of_a_planar_log_in_milliseconds_is_that_of_the_camera(tmp_path, ra
     pd.DataFrame(columns, columns=["trial", "t", "x", "y", "theta"]).to_csv(tmp_path / "log.csv", index=False)
     read = convert([tmp_path / "log.csv"], "out", RigOptions(made.header.body.shape), Reading()).dataset
     assert read.rate == pytest.approx(rate, rel=OF_A_LOG)
+
+
+@pytest.mark.parametrize("lost", [0.0, 0.2, 0.35])
+def test_lost_frames_leave_the_sampling_period_alone(lost: float) -> None:
+    """Stamps to the last digit, and in whole milliseconds; steps over four rows read 158 and 133 Hz instead of 200."""
+    for rate, digits in ((200.0, 9), (240.0, 3)):
+        kept = np.random.default_rng(4).random(2000) >= lost
+        t = np.round(np.arange(2000) / rate, digits)[kept]
+        assert 1.0 / sampling_period(t, np.arange(2000)[kept] // 500) == pytest.approx(rate, rel=OF_A_LOG)
+
+
+@pytest.mark.parametrize("stamps", ["pairs", "fours", "late"])
+def test_sampling_period_is_not_that_within_a_burst_of_rows(stamps: str) -> None:
+    """Rows that arrive two or four at a time, 0.1 ms apart, before a pause of 10 s; and rows late by half a frame."""
+    row, rng = np.arange(2000), np.random.default_rng(4)
+    many = {"pairs": 2, "fours": 4, "late": 1}[stamps]
+    t = PERIOD * (row - row % many) + 1e-4 * (row % many) + 10.0 * (row >= 1000)
+    t = arrival(t, 0 * row, rng) if many == 1 else t
+    # pairs that begin and end in the middle have more long steps than short ones
+    assert sampling_period(t[1:-1], 0 * row[1:-1]) == pytest.approx(PERIOD, rel=LOOSE)
 
 
 def test_pictures_that_were_taken_at_odd_times_stay_where_they_are() -> None:

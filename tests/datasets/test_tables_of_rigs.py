@@ -115,11 +115,13 @@ def test_stamps_in_nanoseconds_keep_their_digits(tmp_path):
     np.testing.assert_array_equal(poses["t"][:39], 1e-9 * one.astype(float))
 
 
-def test_rows_of_zeros_far_from_the_body_are_lost_frames(tmp_path):
-    lost = np.isin(np.arange(len(FRAME)), [5, 6, 7, 20])
+@pytest.mark.filterwarnings("error::RuntimeWarning")
+@pytest.mark.parametrize("rows", [[5, 6, 7, 20], range(1, len(FRAME), 2)])
+def test_rows_of_zeros_far_from_the_body_are_lost_frames(tmp_path, rows):
+    lost = np.isin(np.arange(len(FRAME)), rows)
     made = read(tmp_path, text(FRAME.mask(lost[:, None] & FRAME.columns.isin(["x", "y", "theta"]), 0.0)))
     same(made, FRAME[~lost])
-    assert "4 rows of zeros taken as lost" in " ".join(made.notes)
+    assert f"{len(rows)} rows of zeros taken as lost" in " ".join(made.notes)
     # a body may pass the origin
     near = FRAME.assign(
         x=FRAME["x"] - FRAME["x"][5], y=FRAME["y"] - FRAME["y"][5], theta=FRAME["theta"] - FRAME["theta"][5]
@@ -158,12 +160,15 @@ def test_equal_time_stamps_give_way_to_a_rate(tmp_path):
     assert any("rows are taken in order, evenly spaced at --rate 250" in note for note in done.notes)
 
 
-def test_rows_without_a_stamp_are_left_out(tmp_path):
+@pytest.mark.parametrize("unit", ["s", "us", "ns"])
+def test_rows_without_a_stamp_are_left_out(tmp_path, unit):
     """Zeros in the place of a stamp; a trial that begins at 0 after another one keeps its first row."""
-    dead = (7, 8, len(FRAME) - 1)
-    done = read(tmp_path, text(FRAME.assign(t=(FRAME["t"] + 9.0).where(~FRAME.index.isin(dead), 0.0))))
-    same(done, FRAME.drop(index=list(dead)).reset_index(drop=True))
-    assert "3 rows have the time 0 between later ones: they were not stamped, and are left out" in done.notes
+    dead = (0, 1, 7, 8, len(FRAME) - 1)
+    stamps = {"s": FRAME["t"] + 99.0, "us": STAMPS // 1000, "ns": STAMPS}[unit]
+    done = read(tmp_path, text(FRAME.assign(t=stamps.where(~FRAME.index.isin(dead), 0))), units=unit)
+    left = FRAME.drop(index=list(dead)).reset_index(drop=True)
+    same(done, left.assign(t=left["t"] - left.groupby("trial")["t"].transform("first")))
+    assert "5 rows left out, not stamped: the time is 0 among later ones" in done.notes
     assert not any("not stamped" in note for note in read(tmp_path, text()).notes)
 
 
@@ -175,7 +180,17 @@ REFUSED = {
         {},
         "row 2: '11/20/2025 10:00:00 AM' is not read as",
     ),
-    "month": (text(FRAME.assign(t="2025-13-20 10:00:00")), {}, "convert date and time to seconds"),
+    "month": (
+        text(FRAME.assign(t="2025-12-20 10:00:00")).replace("12-20", "13-20", 9).replace("13-20", "12-20", 8),
+        {},
+        "row 10: '2025-13-20 10:00:00' is not read as a time: convert date and time to seconds",
+    ),
+    "minute": (text(FRAME.assign(t="10:60:00")), {}, "row 2: '10:60:00' is not read as a time"),
+    "nearly equal": (
+        text(FRAME.assign(t=FRAME["t"].where(FRAME.index != 5, FRAME["t"][4] + 1e-6).map("{:.7f}".format))),
+        {},
+        "log.txt, row 7, trial 0: the time 0.016 s is that of the row before, or nearly, but the pose is another one",
+    ),
     "contradicting": (text(NAMED), {"columns": COLUMNS, "units": "m"}, "x (mm) is in mm, but --units states m"),
     "below": (below(",s,mm,mm,rad", text()), {"units": "deg"}, "column theta is in rad, but --units states deg"),
     "quantity": (text(NAMED), {"columns": "t=x (mm),x=t (s),y=y [mm],theta=angle (°)"}, "is in mm, but t is a time"),

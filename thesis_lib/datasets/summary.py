@@ -188,7 +188,7 @@ def _verdict_lines(dataset: Dataset, detection: FoundImpacts | None) -> list[str
         return []
     trials = len(np.unique(trial))
     line = _no_verdict(len(trial), trials)
-    if trials == 1 and len(trial) >= MIN_TRIALS:
+    if trials == 1 and len(trial) >= MIN_TRIALS and not dataset.header.surfaces:  # between walls nothing is cut
         line += "; if it is a long log of several drops, datasets init --cut makes each drop a trial"
     return [line]
 

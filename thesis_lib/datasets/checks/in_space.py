@@ -31,14 +31,13 @@ from thesis_lib.datasets.space.falling_body import (
     too_few_fall,
 )
 from thesis_lib.datasets.space.flights import find_flights, follow, inner_samples
-from thesis_lib.datasets.space.motion import Motion, conjugate
+from thesis_lib.datasets.space.motion import PAUSE, Motion, conjugate
 from thesis_lib.statistics.spread import robust_mean
 from thesis_lib.statistics.wording import plural
 
 FEWEST = 20  # samples needed to judge a motion
 FEWEST_HITS = 5  # needed to judge the surface
-PAUSE = 10.0  # s between trials on one clock
-OBLIQUE = np.radians(3.0)  # between stated and measured gravity; a camera levelled by eye stays within
+OBLIQUE = np.radians(3.0)  # between stated and measured gravity; what is levelled by eye stays within
 SLOWER, SURELY = 0.02, 4.0  # share, and standard errors, by which the fall may differ from gravity
 CENTRAL = 5e-3  # m from the tracked point to the centre of mass, within which both fall alike
 BY_CHANCE = 1e-3  # expected number of values that occur in so many trials

@@ -13,6 +13,9 @@ from thesis_lib.statistics.spread import MAD_TO_STD
 
 PART = 100  # samples within which arrival times drift by less than they jitter
 _UNEVEN = 1e-3  # relative spread of steps beyond which differences for equal steps contain the motion of the body
+# of the mean step, with half of the frames lost; shorter periods are those within a burst of rows
+_BURST, _NO_GAP = 0.5, 0.95  # the longest steps, of a body out of view, are left out of the mean
+_BETTER = 0.9  # ratio of the distances of steps from whole periods, from which single steps show the period
 
 
 class ArcSettings(Section):
@@ -117,12 +120,19 @@ def position(trial: np.ndarray, t: np.ndarray, of_trial: np.ndarray, of_t: np.nd
     return np.searchsorted(key[: len(t)], key[len(t) :])
 
 
-def sampling_period(t: np.ndarray, trial: np.ndarray, first: int = 4) -> float:
+def sampling_period(t: np.ndarray, trial: np.ndarray, first: int | None = None) -> float:
     """Sampling period in s of times `t` (n,) in s within trials (n,); NaN without steps.
 
     A median step over `first` rows, then means over longer and longer spans of rows, each counted in the last estimate:
-    single steps do not show the period if stamps have few digits (240 Hz in whole milliseconds).
+    single steps do not show the period if stamps have few digits (240 Hz in whole milliseconds).  Without `first`, that
+    of 1 and 4 is used of whose period single steps are multiples: lost frames lengthen spans of 4 rows, while rows that
+    arrive in bursts, or by chance, mislead single steps.
     """
+    if first is None:
+        one, four = (sampling_period(t, trial, rows) for rows in (1, 4))
+        step = np.diff(t)[trial[1:] == trial[:-1]]
+        single = len(step) and one > _BURST * step[step <= np.quantile(step, _NO_GAP)].mean()
+        return one if single and _off(step, one) < _BETTER * _off(step, four) else four
     period = 0.0
     for span in first * 2 ** np.arange(14):
         step = (t[span:] - t[:-span])[trial[span:] == trial[:-span]]
@@ -135,6 +145,12 @@ def sampling_period(t: np.ndarray, trial: np.ndarray, first: int = 4) -> float:
                 span, step = 1, np.diff(t)[trial[1:] == trial[:-1]]
             period = float(np.median(step)) / span if len(step) else np.nan
     return period
+
+
+def _off(step: np.ndarray, period: float) -> float:
+    """Mean distance of steps (m,) from whole numbers of periods, in periods."""
+    frames = step / max(period, 1e-300)
+    return float(np.abs(frames - np.maximum(np.round(frames), 1.0)).mean())
 
 
 def long_gaps(trial: np.ndarray, t: np.ndarray, header: Header, settings: ArcSettings) -> np.ndarray:

@@ -145,7 +145,7 @@ def _axis(direction: np.ndarray) -> str:
     return ",".join(f"{value:.3f}" for value in direction + 0.0)
 
 
-def _rate(rig: RigOptions, t: np.ndarray, piece: np.ndarray) -> float | None:
+def sampling_rate(rig: RigOptions, t: np.ndarray, piece: np.ndarray) -> float | None:
     """Sampling rate in Hz: as stated, else of times `t` (n,) in s within the recordings `piece` (n,); None if unknown.
 
     Single steps do not show it, because time stamps may have few digits.
@@ -199,7 +199,7 @@ def as_dataset(
         "body": body,
         **({"surfaces": rig.walls} if rig.walls else {"surface": {"height": rig.surface_height or 0.0}}),
         "gravity": rig.g,
-        "rate": _rate(rig, poses["t"].to_numpy(), poses["trial"].to_numpy()),
+        "rate": sampling_rate(rig, poses["t"].to_numpy(), poses["trial"].to_numpy()),
     }
     return Dataset(name, _validated(Header, content), poses, has_angle=has_angle)
 
@@ -231,7 +231,7 @@ def solid_dataset(
         **({} if found is None else {"tracked": found.tracked}),
         "surface": {"point": tuple(point), "normal": tuple(normal)},
         "gravity": tuple(-rig.g * up),
-        "rate": _rate(rig, motion.t, recorded.piece),
+        "rate": sampling_rate(rig, motion.t, recorded.piece),
     }
     return Dataset(recorded.name, _validated(SpaceHeader, content))
 

@@ -8,10 +8,11 @@ import pandas as pd
 from scipy.spatial.transform import Rotation
 
 from thesis_lib.bodies.solid_body import SolidBody
+from thesis_lib.datasets.checks.in_space import OBLIQUE
 from thesis_lib.datasets.format.frames import body_states, surface_frames
 from thesis_lib.datasets.format.samples import sampling_period
 from thesis_lib.datasets.format.table_forms import POSE_IN_SPACE
-from thesis_lib.datasets.sources.conversion import Conversion, Recorded, solid_dataset
+from thesis_lib.datasets.sources.conversion import Conversion, Recorded, sampling_rate, solid_dataset
 from thesis_lib.datasets.space.drops import IN_THE_AIR, Drop, cut_drops, until_rest, whole_pieces
 from thesis_lib.datasets.space.falling_body import better_reading, falling, reading_that_falls, settled_fall
 from thesis_lib.datasets.space.flights import Track, find_flights, follow, too_slow
@@ -25,7 +26,6 @@ from thesis_lib.statistics.wording import plural
 
 LEVEL = 2e-3  # rad between the upward axis and the fall, up to which they count as parallel
 OFTEN = 0.25  # of the trials: fewer flights do not determine the upward direction
-OBLIQUE = np.radians(3.0)  # between a given upward direction and the fall; an axis levelled by eye stays within
 OFF_TABLE = 2e-3  # m; larger differences between the given and the estimated height of the table are reported
 
 
@@ -36,8 +36,10 @@ def keep_in_space(recorded: Recorded) -> Conversion:
         UserError: no free flight is found, rotations fit far better in another reading, or no drop is left.
     """
     everything, turned = recorded, np.flatnonzero(recorded.motion.seen)
-    recorded = replace(recorded, motion=recorded.motion.part(turned), piece=recorded.piece[turned])
-    motion, rig, view, notes, size = recorded.motion, recorded.rig, recorded.view, recorded.notes, recorded.rig.g
+    # the tables keep all rows, so the rate is that of all
+    rig = replace(recorded.rig, rate=sampling_rate(recorded.rig, recorded.motion.t, recorded.piece))
+    recorded = replace(recorded, motion=recorded.motion.part(turned), piece=recorded.piece[turned], rig=rig)
+    motion, view, notes, size = recorded.motion, recorded.view, recorded.notes, recorded.rig.g
     dataset, up = solid_dataset(recorded, view.up), view.up
     body, attitude = dataset.in_space.body, motion.quaternion[:, [3, 0, 1, 2]].T
     if motion.oriented and (other := reading_that_falls(motion, size)):

@@ -4,6 +4,7 @@ A "row" in a message is the line in the file, counted from 1.
 """
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -22,7 +23,7 @@ from thesis_lib.datasets.sources.tables.pose import read_poses
 from thesis_lib.datasets.sources.tables.rig_options import RigOptions
 from thesis_lib.datasets.space.drops import NEAR, cut_drops
 from thesis_lib.datasets.space.flights import find_flights, follow
-from thesis_lib.datasets.space.motion import Motion, quaternions
+from thesis_lib.datasets.space.motion import Motion, quaternions, refuse_equal_times, together
 from thesis_lib.datasets.space.plane import Plane
 from thesis_lib.foundation.errors import UserError
 
@@ -60,11 +61,20 @@ def convert_logs(
         notes.append(f"{int(repeated.sum())} of {len(poses)} rows left out: they repeat the one before, with its time")
         poses = poses[~repeated].reset_index(drop=True)
     poses = _apart(poses, rig, notes)
+    step = _steps(poses)
+    if together(step).any() and (step >= 0.0).all():
+        tables = [table.dropna() for table in tables]
+        refuse_equal_times([_path(*of_file).distinct() for of_file in zip(files, logs, tables)], placed=False)
     _refuse_degrees(files[0], poses, options, rig)
     if any(frame):
         poses = _of_the_body(poses, frame)
     trial = options.source("trial")["trial"][0]
-    if options.cut is None and not options.per_trial_files and not any(log.has(trial) for log in logs):
+    if (
+        options.cut is None
+        and not rig.walls
+        and not options.per_trial_files
+        and not any(log.has(trial) for log in logs)
+    ):
         warnings += _to_be_cut(files, poses, rig)
     return Conversion(as_dataset(poses, name, files, rig, notes), notes, warnings)
 
@@ -100,11 +110,11 @@ def _releases(poses: pd.DataFrame, rig: RigOptions) -> int:
 
 
 def _apart(poses: pd.DataFrame, rig: RigOptions, notes: list[str]) -> pd.DataFrame:
-    """The poses, with equal times of rows in sequence replaced by those of their pictures, if the times are those of
-    arrival; other times stay as they are logged, and are replaced when the dataset is used."""
+    """The poses, with equal times of rows in sequence, or nearly, replaced by those of their pictures, if the times are
+    those of arrival; other times stay as they are logged, and are replaced when the dataset is used."""
     trial, t = poses["trial"].to_numpy(), poses["t"].to_numpy()
-    step = np.diff(t)[trial[1:] == trial[:-1]]
-    if (step > 0.0).all() or (step < 0.0).any():
+    step = _steps(poses)
+    if not together(step).any() or (step < 0.0).any():
         return poses
     samples = Samples(trial, t, poses[["x", "y"]].to_numpy(), trial)
     if (found := times_of_pictures(samples, rig.rate or 1.0 / sampling_period(t, trial))) is None:
@@ -112,6 +122,19 @@ def _apart(poses: pd.DataFrame, rig: RigOptions, notes: list[str]) -> pd.DataFra
     sure, times, said = found
     notes.append(said)
     return poses[sure].assign(t=times)
+
+
+def _steps(poses: pd.DataFrame) -> np.ndarray:
+    """Steps (m,) in s from row to row within trials."""
+    trial = poses["trial"].to_numpy()
+    return np.diff(poses["t"].to_numpy())[trial[1:] == trial[:-1]]
+
+
+def _path(file: str | Path, log: Log, poses: pd.DataFrame) -> Motion:
+    """The positions of complete poses in a log, in their trials, with their row numbers."""
+    position = poses[["x", "y"]].to_numpy() @ np.stack([FLAT.x, FLAT.y])
+    motion = Motion.of_point("", str(file), poses["t"].to_numpy(), position, poses["trial"].to_numpy(dtype=str))
+    return replace(motion, row=np.asarray(log.cells.index)[poses.index])
 
 
 def _of_the_body(poses: pd.DataFrame, frame: Frame) -> pd.DataFrame:

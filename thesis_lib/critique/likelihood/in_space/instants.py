@@ -19,7 +19,7 @@ import pandas as pd
 
 from thesis_lib.bodies.solids import Sphere
 from thesis_lib.datasets.checks.in_space import reading_of
-from thesis_lib.datasets.checks.jumps import out_and_back
+from thesis_lib.datasets.checks.jumps import LOST, out_and_back
 from thesis_lib.datasets.flights.drag import drag_in_space
 from thesis_lib.datasets.flights.lines import Windows, lines_through, sides_of, windows_around
 from thesis_lib.datasets.flights.low_pass import ARC, Corners
@@ -39,7 +39,6 @@ from thesis_lib.mechanics.state import State
 from thesis_lib.statistics.spread import MAD_TO_STD
 
 MEANS, SMOOTHED = 3, 2.0  # samples in a mean, and ratio to the noise of single samples that indicates a filter
-GAP = 1.5  # sampling intervals above which samples are not interpolated
 ROUNDS = 4  # iterations for the instant of a hit; after the first, each moves it by at most a tenth of a frame
 
 
@@ -84,7 +83,7 @@ def with_attitudes_later(table: pd.DataFrame, lag: float) -> pd.DataFrame:
     row = number * length + t - t.min()
     first = np.clip(np.searchsorted(row, row + lag, side="right") - 1, 0, len(row) - 2)
     share = (row + lag - row[first]) / np.maximum(row[first + 1] - row[first], 1e-12)
-    most = GAP * float(np.median(step[number[1:] == number[:-1]]))
+    most = LOST * float(np.median(step[number[1:] == number[:-1]]))
     seen = (number[first] == number) & (number[first + 1] == number) & (step[first] < most)
     seen &= (share >= 0.0) & (share <= 1.0)
     before, after = q[:, first[seen]], q[:, first[seen] + 1]

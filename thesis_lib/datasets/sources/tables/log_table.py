@@ -112,7 +112,8 @@ class Log:
         return numbers
 
     def times(self, name: str) -> np.ndarray:
-        """A column of times as floats (n,), in its own unit; integers too large for floats count from the first."""
+        """A column of times as floats (n,), in its own unit; integers too large for floats count from the first one
+        that is not 0."""
         text = self.text(name).str.strip()
         there = ~_missing(text)
         whole = text[there]
@@ -121,7 +122,7 @@ class Log:
             return self.numbers(name)
         stamps = np.array([int(cell) for cell in whole], dtype=object)
         times = np.full(len(text), np.nan)
-        times[there] = (stamps - stamps[0]).astype(float)
+        times[there] = (stamps - next(filter(None, stamps), 0)).astype(float)
         return times
 
 

@@ -99,7 +99,7 @@ def _lose_zeros(poses: pd.DataFrame) -> int:
     place = poses[["x", "y"]].mask(zero)
     known = place.groupby(poses["trial"])
     beside = [np.hypot(*getattr(known, fill)().to_numpy().T) for fill in FILLS]
-    usual = np.nanmedian(np.hypot(*place.diff().to_numpy().T)) if (~zero).sum() > 1 else 0.0
+    usual = pd.Series(np.hypot(*place.diff().to_numpy().T)).median()  # NaN if no two rows in sequence show the body
     lost = zero & (np.fmin(*beside) > max(FAR * np.nan_to_num(usual), NEAR))
     poses.loc[lost, names] = np.nan
     return int(lost.sum())

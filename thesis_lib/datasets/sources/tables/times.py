@@ -9,12 +9,14 @@ from thesis_lib.datasets.sources.tables.layout import NO_NUMBER
 from thesis_lib.datasets.sources.tables.log_table import Log
 from thesis_lib.datasets.sources.tables.options import Reading
 from thesis_lib.foundation.errors import UserError
+from thesis_lib.statistics.wording import plural
 
 SINCE_1970 = {"ns": 1e17, "us": 1e14, "ms": 1e11}  # larger stamps are in this unit; the present is 1.8e9 s
 SECOND = (1.0, 1e3, 1e6, 1e9)  # in s, ms, us, ns
 FALLS = 0.9  # of a second, by which the fraction of a second falls from one row to the next
+FAR = 1e4  # usual steps of a trial; so long after its first row no trial goes on
 DAY = 86400.0  # s
-_CLOCK = r"\d{1,2}:\d\d:\d\d([.,]\d+)?"
+_CLOCK = r"\d{1,2}:[0-5]\d:[0-5]\d([.,]\d+)?"
 _TIME_OF_DAY = re.compile(_CLOCK)
 _DATE = re.compile(rf"\d{{4}}-\d\d-\d\d[T ]{_CLOCK}( ?(Z|[+-]\d\d:?\d\d))?")
 
@@ -46,9 +48,9 @@ def times(log: Log, options: Reading, trial: pd.Series, name: str, notes: list[s
             if unit := next((unit for unit, least in SINCE_1970.items() if first > least), None):
                 raise UserError(f"{log.where(name)} counts {unit} since 1970 ({first:.4g}): give --units {unit}.")
         factor = options.si.to_si("t", stated, log.where(name))
-    if unstamped := int(np.sum(zero := _zero_between(t, trial))):
-        t = np.where(zero, np.nan, t)
-        notes.append(f"{unstamped} rows have the time 0 between later ones: they were not stamped, and are left out")
+        if unstamped := int(np.sum(zero := _unstamped(log.numbers(name), trial))):
+            t = np.where(zero, np.nan, t)
+            notes.append(f"{plural(unstamped, 'row')} left out, not stamped: the time is 0 among later ones")
     row, before, step = _steps(t, trial)
     if len(step) and not step.any():
         if options.rate is None:
@@ -79,11 +81,15 @@ def _steps(t: np.ndarray, trial: pd.Series) -> tuple[np.ndarray, np.ndarray, np.
     return row, before, t[row] - t[before]
 
 
-def _zero_between(t: np.ndarray, trial: pd.Series) -> np.ndarray:
-    """Mask (n,) of rows with the time 0 after a later time of their trial, which does not fall without them."""
-    stamped = pd.Series(np.where(t == 0.0, np.nan, t)).groupby(pd.factorize(trial)[0])
-    before, after = stamped.ffill().to_numpy(), stamped.bfill().to_numpy()
-    return (t == 0.0) & (before > 0.0) & ~(after < before)
+def _unstamped(stamp: np.ndarray, trial: pd.Series) -> np.ndarray:
+    """Mask (n,) of rows with the stamp 0 that follow a later one of their trial, which does not fall without them, or
+    are the first of their trial, by far."""
+    label = pd.Series(pd.factorize(trial)[0])
+    stamped = pd.Series(stamp).where(stamp != 0.0)
+    before, after = (getattr(stamped.groupby(label), fill)().to_numpy() for fill in ("ffill", "bfill"))
+    usual = stamped.dropna().groupby(label).diff().groupby(label).median().reindex(label).to_numpy()
+    first = np.isnan(before) & (usual > 0.0) & (after > FAR * usual)
+    return (stamp == 0.0) & ((before > 0.0) & ~(after < before) | first)
 
 
 def _counts(t: np.ndarray, trial: pd.Series) -> bool:
@@ -104,20 +110,20 @@ def _since_first(log: Log, name: str) -> np.ndarray | None:
     if not cells.str.contains(":", regex=False).any():
         return None
     form = next((form for form in (_TIME_OF_DAY, _DATE) if form.fullmatch(cells.iloc[0])), None)
-    other = cells if form is None else cells[~cells.str.fullmatch(form).to_numpy(dtype=bool)]
-    try:
-        if not len(other):
-            points = cells.str.replace(",", ".", regex=False)
-            if form is _TIME_OF_DAY:
-                seconds = np.unwrap(pd.to_timedelta(points) / pd.Timedelta(seconds=1), period=DAY)  # across midnight
-            else:
-                at = pd.to_datetime(points, format="ISO8601", utc=True)
-                seconds = ((at - at.iloc[0]) / pd.Timedelta(seconds=1)).to_numpy(float)
-            result = np.full(len(text), np.nan)
-            result[there] = seconds - seconds[0]
-            return result
-    except ValueError:  # month 13
-        other = cells
+    points = cells.str.replace(",", ".", regex=False)
+    points = points.where(cells.str.fullmatch(form or "").to_numpy(dtype=bool))
+    if form is _TIME_OF_DAY:
+        since = pd.to_timedelta(points, errors="coerce")
+    else:
+        at = pd.to_datetime(points, format="ISO8601", utc=True, errors="coerce")
+        since = at - at.iloc[0]
+    seconds = (since / pd.Timedelta(seconds=1)).to_numpy(float)
+    other = cells[np.isnan(seconds)]  # in another form, or of month 13
+    if not len(other):
+        result = np.full(len(text), np.nan)
+        seconds = np.unwrap(seconds, period=DAY) if form is _TIME_OF_DAY else seconds  # across midnight
+        result[there] = seconds - seconds[0]
+        return result
     raise UserError(
         f"{log.where(name)}, row {other.index[0]}: '{other.iloc[0][:40]}' is not read as a time: convert date and time "
         "to seconds (2025-11-20 10:00:00.126 and 10:00:00.126 are read, if all rows have that form)."
