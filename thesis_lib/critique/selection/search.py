@@ -143,8 +143,10 @@ class Search(Generic[E, F, J]):
             if other:
                 path.remember(step, shortlist)
             elif step:
-                step = bases.with_best_base(step)
+                chosen, step = step.fitted.base, bases.with_best_base(step)
                 self.say(f"step {number}: {step.effect.name} ({step.gain[0]:.2f} nats an {world.unit})")
+                if step.fitted.base != chosen:
+                    self.say(f"another base, {step.fitted.base}")
                 # a model of the shortlist may lack effects of the path
                 on = {e.name for e in step.fitted.effects}
                 path.steps = steps = [*(one for one in path.steps if one.effect.name in on), step]
