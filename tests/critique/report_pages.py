@@ -34,6 +34,7 @@ DIAGNOSIS = {
             "indistinguishable_from": ["tangential_compliance"],
             "clears": True,
             "material_in": ["impact"],
+            "stand_in": None,
         }
     ],
     "error": {
