@@ -187,6 +187,23 @@ def test_a_slope_that_is_stated_does_not_turn_the_tracked_frame():
     np.testing.assert_allclose(_lever(found), _lever(header.tracked), atol=1e-3)
 
 
+def test_a_stated_pose_is_compared_with_the_symmetry_of_shape_and_mass_together():
+    content = rig("box 5:4:3", 4).model_dump(mode="json", by_alias=True, exclude_none=True)
+    content["body"] |= {"center_of_mass": (0.012, 0.009, 0.0), "homogeneous": None, "radii_of_gyration": (0.03,) * 3}
+    header = SpaceHeader.model_validate(content)
+    table, tracked = tossed(header, 24, 4), header.tracked
+    assert tracked is not None
+    half = Rotation.from_euler("z", 180.0, degrees=True)
+    turned = half * Rotation.from_quat(tracked.attitude, scalar_first=True)
+    content["tracked"] = {"position": half.apply(tracked.position), "quaternion": turned.as_quat(scalar_first=True)}
+    told = [
+        tracked_frame_told(dataset_of(one, trajectories=table), compare=True)
+        for one in (header.model_dump(mode="json", by_alias=True, exclude_none=True), content)
+    ]
+    assert told[0] is not None and told[0].startswith("tracked frame as stated")
+    assert told[1] is not None and "180° from the pose in dataset.yaml: correct tracked" in told[1]
+
+
 def _lever(tracked: Tracked) -> np.ndarray:
     """From the origin of the tracked frame to that of the shape, (3,) in m, in axes of the tracked frame."""
     return Rotation.from_quat(tracked.attitude, scalar_first=True).inv().apply(tracked.position)

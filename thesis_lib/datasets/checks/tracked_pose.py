@@ -61,8 +61,10 @@ def tracked_frame_told(dataset: Dataset, compare: bool) -> str | None:
     if stated is None:
         return found.text + left
     one, other = (Rotation.from_quat(pose.attitude, scalar_first=True).as_matrix() for pose in (stated, found.tracked))
-    near = Symmetry(body.solid, body.inertia_per_mass).nearest(one, other)
-    place = float(np.linalg.norm(near @ one.T @ np.array(stated.position) - np.array(found.tracked.position)))
+    # a symmetry of the body turns it about its centre of mass, which keeps its place in the tracked frame
+    near = Symmetry(body.solid.about(body.centre), body.inertia_per_mass).nearest(one, other)
+    moved = body.centre - near @ one.T @ (body.centre - np.array(stated.position))
+    place = float(np.linalg.norm(moved - np.array(found.tracked.position)))
     turn, error = float(Rotation.from_matrix(other @ near.T).magnitude()), found.tracked.uncertainty
     assert error is not None and error.position and error.rotation
     far = place > max(ELSEWHERE[0] * body.solid.extent, SURE * error.position)
