@@ -350,6 +350,17 @@ def test_keys_of_space_name_the_schema(tmp_path, changes):
     assert "'schema: 2'" in refusal(write(tmp_path, planar_header(**changes), trajectories=planar_trajectories()))
 
 
+@pytest.mark.parametrize("written", ["schema: [2", "", "schema: 3\n", "schema: '2'\n"])
+def test_a_header_that_cannot_be_read_puts_no_motion_in_a_plane(tmp_path, written):
+    folder = write(tmp_path / "drops", header(), trajectories=trajectories(), impacts=impacts(3))
+    (folder / "dataset.yaml").write_text(written)
+    assert only(folder).startswith("dataset.yaml")
+    (folder / "trajectories.csv").unlink()
+    assert only(folder).startswith("dataset.yaml")
+    planar_trajectories().to_csv(folder / "trajectories.csv", index=False)
+    assert "impacts.csv, columns z, qw, qx, qy, qz, " in refusal(folder)  # the tables contradict each other
+
+
 def test_columns_of_the_other_schema_show_the_form_wanted(tmp_path):
     text = refusal(write(tmp_path / "a", header(), trajectories=planar_trajectories()))
     assert "column theta: belongs to motions in a plane" in text
