@@ -336,6 +336,17 @@ def test_planar_keys_show_the_form_in_space(tmp_path, changes, said):
 
 
 @pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        ({"body": body(shape={"kind": "sphere", "radius": 0.03, "edge_radius": 1e-3})}, "box, cylinder and mesh have"),
+        ({"tracked": {"rotation": [1, 0, 0, 0]}}, "write quaternion: [w, x, y, z]"),
+    ],
+)
+def test_keys_at_a_wrong_place_are_explained(tmp_path, changes, said):
+    assert said in only(write(tmp_path, header(**changes), trajectories=trajectories()))
+
+
+@pytest.mark.parametrize(
     "changes",
     [
         {"tracked": "unknown"},

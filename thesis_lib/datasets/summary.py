@@ -114,7 +114,7 @@ def summary_text(dataset: Dataset, detection: FoundImpacts | None = None, hits: 
     """The summary as text, one line per subject."""
     facts, body, in_plane = summarise(dataset, detection), dataset.header.body, dataset.space.is_plane
     lines = [f"dataset     {facts['dataset']}", f"trials      {facts['trials']}"]
-    shape = dataset.shape if in_plane else dataset.shape.about(dataset.in_space.body.centre)
+    shape = dataset.shape if in_plane else dataset.in_space.body.solid.about(dataset.in_space.body.centre)
     mass = "mass not given" if body.mass is None else f"mass {body.mass:g} kg"
     lines.append(
         f"body        {body.shape.kind}, reaches {shape.extent:.4g} m from its "
