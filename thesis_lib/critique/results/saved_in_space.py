@@ -14,6 +14,7 @@ import pandas as pd
 from pydantic import Field, model_validator
 
 from thesis_lib.bodies.mesh import Mesh
+from thesis_lib.bodies.solid_body import UNIT
 from thesis_lib.critique.contacts.kinds import bind
 from thesis_lib.critique.likelihood.fit import Fit
 from thesis_lib.critique.likelihood.observations import rig_of
@@ -21,7 +22,7 @@ from thesis_lib.critique.results.saved_model import SavedModel, SavedReference, 
 from thesis_lib.datasets.format.dataset import Dataset
 from thesis_lib.datasets.format.frames import body_states, surface_frames, tracked_of_body, tracked_states
 from thesis_lib.datasets.format.header import SpaceHeader
-from thesis_lib.datasets.format.table_forms import POSE_IN_SPACE, V_POST_IN_SPACE, V_PRE_IN_SPACE
+from thesis_lib.datasets.format.table_forms import POSE_IN_SPACE, QUATERNION, V_POST_IN_SPACE, V_PRE_IN_SPACE
 from thesis_lib.effects import EFFECTS
 from thesis_lib.effects.effect import Rig
 from thesis_lib.effects.whole_tosses import WholeTosses
@@ -86,7 +87,8 @@ class SavedSpaceModel(SavedModel):
         must be its first hit.
 
         Raises:
-            UserError: as in the plane, or an effect depends on how the body has turned since the first frame.
+            UserError: as in the plane, an effect depends on how the body has turned since the first frame, or a
+                quaternion is not a rotation.
         """
         for name in self._of_history:
             if name not in OF_LATER_HITS:
@@ -100,13 +102,16 @@ class SavedSpaceModel(SavedModel):
                     "the first hit of each trial, to distinguish it from later ones."
                 )
         super()._refuse(states, prefix)
+        require_rotations(states, prefix)
 
     @property
     def _of_history(self) -> list[str]:
         return [name for name in self.effects if EFFECTS[name].needs_history]
 
     def measured(self, columns: Mapping[str, np.ndarray]) -> State:
-        states = body_states(tracked_states(pd.DataFrame(columns), V_PRE_IN_SPACE), self.rig)
+        length = np.linalg.norm([columns[name] for name in QUATERNION], axis=0)
+        table = pd.DataFrame({**columns, **{name: columns[name] / length for name in QUATERNION}})
+        states = body_states(tracked_states(table, V_PRE_IN_SPACE), self.rig)
         return surface_frames(self.rig)[0].seen(states)
 
     def after(self, state: State) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -123,6 +128,17 @@ class SavedSpaceModel(SavedModel):
         motion = np.where(approaches, after.motion, state.motion)
         seen = tracked_of_body(surface_frames(self.rig)[0].shown(state.with_motion(motion)), self.rig)
         return seen.v, approaches, dynamics.gap(true)
+
+
+def require_rotations(states: pd.DataFrame, prefix: str = "") -> None:
+    """UserError, which begins with `prefix`, if a quaternion of `states` is not about as long as that of a rotation."""
+    q = states[list(QUATERNION)].apply(pd.to_numeric, errors="coerce").to_numpy(float)
+    length = np.linalg.norm(q, axis=1)
+    if len(wrong := np.flatnonzero(np.abs(length - 1.0) > UNIT)):
+        raise UserError(
+            f"{prefix}The quaternion has the length {length[wrong[0]]:.4g} in {len(wrong)} row(s), first in row "
+            f"{wrong[0] + 1} below the header; that of a rotation is 1. Check the columns {', '.join(QUATERNION)}."
+        )
 
 
 def saved_in_space(
