@@ -191,6 +191,22 @@ def test_lengths_and_signs_of_quaternions_change_no_prediction_and_those_of_no_r
         model_with().predict(table.assign(**{name: 0.9 * table[name] for name in q}))
 
 
+def test_hits_of_a_ball_without_orientation_are_predicted():
+    ball = {"shape": {"kind": "sphere", "radius": 0.03}, "homogeneous": True, "mass": 0.1}
+    head = content(body=ball, tracked={"position": [0.0, 0.0, 0.0]})
+    table, model = stated_hits(head, 3), space_model("anitescu_potra_newton", rig={"body": ball} | _without_noise(head))
+    bare, names = table.drop(columns=["qw", "qx", "qy", "qz"]), list(V_POST_IN_SPACE)
+    made = model.predict(bare)
+    assert list(made) == [*bare, "status"] and (made["status"] == "ok").all()
+    np.testing.assert_allclose(made[names], table[names], atol=1e-6)
+    with pytest.raises(UserError, match="lack the column"):
+        model_with().predict(bare)
+
+
+def _without_noise(head: dict) -> dict:
+    return {key: value for key, value in head.items() if key in ("tracked", "gravity", "surface")}
+
+
 def test_the_command_predicts_as_json_in_space(tmp_path, capsys):
     model_with().save(tmp_path / "model.json")
     stated_hits(content(), 3).to_csv(tmp_path / "states.csv", index=False)

@@ -4,17 +4,20 @@ Instead of the planar rig, model.json contains body, tracked frame, surface and 
 predicts rows of an impacts.csv of schema 2: poses and velocities of the tracked frame, in axes of the world.
 """
 
-from collections.abc import Mapping
+import warnings
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import ClassVar, Literal
 
 import numpy as np
 import pandas as pd
+from numpy.typing import ArrayLike
 from pydantic import Field, model_validator
 
 from thesis_lib.bodies.mesh import Mesh
 from thesis_lib.bodies.solid_body import UNIT
+from thesis_lib.bodies.solids import Sphere
 from thesis_lib.critique.contacts.kinds import bind
 from thesis_lib.critique.likelihood.fit import Fit
 from thesis_lib.critique.likelihood.observations import rig_of
@@ -31,6 +34,7 @@ from thesis_lib.foundation.files import atomic
 from thesis_lib.mechanics.space import SPACE, Space
 from thesis_lib.mechanics.state import State
 
+CENTRED = 1e-9  # m, from the tracked point to the centre of mass
 OF_LATER_HITS = ("later_friction", "later_restitution")
 NOT_OF_THE_RIG = {"description", "noise", "rate", "spin", "surfaces"}  # keys of dataset.yaml
 
@@ -81,6 +85,20 @@ class SavedSpaceModel(SavedModel):
     @property
     def believed(self) -> Rig:
         return replace(rig_of(Dataset("", self.rig)), reference=self.rig.reference.believed)
+
+    def predict(
+        self,
+        states: pd.DataFrame | Mapping[str, ArrayLike],
+        source: str = "",
+        say: Callable[[str], None] = warnings.warn,
+    ) -> pd.DataFrame:
+        """As in the plane; states of a ball whose centre of mass is tracked may lack the orientation."""
+        states, body, tracked = pd.DataFrame(states), self.rig.body, self.rig.tracked
+        centred = tracked is not None and np.abs(body.centre - tracked.position).max() < CENTRED
+        if not centred or not isinstance(body.shape, Sphere) or any(name in states for name in QUATERNION):
+            return super().predict(states, source, say)
+        turned = states.assign(**dict(zip(QUATERNION, (1.0, 0.0, 0.0, 0.0))))
+        return super().predict(turned, source, say).drop(columns=list(QUATERNION))
 
     def _refuse(self, states: pd.DataFrame, prefix: str) -> None:
         """As in the plane; a model with effects on later hits also needs `trial` and `t`, and the first row of a trial
