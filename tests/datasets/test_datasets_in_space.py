@@ -336,6 +336,17 @@ def test_planar_keys_show_the_form_in_space(tmp_path, changes, said):
 
 
 @pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        ({"body": body(shape={"kind": "sphere", "radius": 0.03, "edge_radius": 1e-3})}, "box, cylinder and mesh have"),
+        ({"tracked": {"rotation": [1, 0, 0, 0]}}, "write quaternion: [w, x, y, z]"),
+    ],
+)
+def test_keys_at_a_wrong_place_are_explained(tmp_path, changes, said):
+    assert said in only(write(tmp_path, header(**changes), trajectories=trajectories()))
+
+
+@pytest.mark.parametrize(
     "changes",
     [
         {"tracked": "unknown"},
@@ -348,6 +359,17 @@ def test_planar_keys_show_the_form_in_space(tmp_path, changes, said):
 )
 def test_keys_of_space_name_the_schema(tmp_path, changes):
     assert "'schema: 2'" in refusal(write(tmp_path, planar_header(**changes), trajectories=planar_trajectories()))
+
+
+@pytest.mark.parametrize("written", ["schema: [2", "", "schema: 3\n", "schema: '2'\n"])
+def test_a_header_that_cannot_be_read_puts_no_motion_in_a_plane(tmp_path, written):
+    folder = write(tmp_path / "drops", header(), trajectories=trajectories(), impacts=impacts(3))
+    (folder / "dataset.yaml").write_text(written)
+    assert only(folder).startswith("dataset.yaml")
+    (folder / "trajectories.csv").unlink()
+    assert only(folder).startswith("dataset.yaml")
+    planar_trajectories().to_csv(folder / "trajectories.csv", index=False)
+    assert "impacts.csv, columns z, qw, qx, qy, qz, " in refusal(folder)  # the tables contradict each other
 
 
 def test_columns_of_the_other_schema_show_the_form_wanted(tmp_path):

@@ -229,6 +229,12 @@ def test_check_prints_what_is_in_a_set_in_space(tmp_path, capsys):
     assert facts["surfaces"]["surface"]["normal"] == [0.0, 0.0, 1.0]
 
 
+def test_the_reach_of_a_body_counts_from_its_centre_of_mass():
+    off = body(center_of_mass=[0.01, 0.0, 0.0], homogeneous=None, radii_of_gyration=[0.03] * 3)
+    text = summary_text(dataset_of(header(body=off), trajectories=flights()))
+    assert f"box, reaches {np.linalg.norm([0.06, 0.04, 0.03]):.4g} m from its centre of mass" in text
+
+
 SPOILT = {
     "scaled": lambda frame, rng: frame.assign(
         **{name: frame[name] * 10.0 ** rng.integers(-12, 9) for name in ["x", "z"]}

@@ -156,6 +156,14 @@ def test_the_softer_face_has_the_longer_contact() -> None:
     np.testing.assert_allclose(tau, np.exp([-0.5, 0.5, 0.0]), rtol=1e-12)
 
 
+def test_stronger_gravity_keeps_its_direction_on_a_slope() -> None:
+    rig, state = replace(BOX, down=np.array([0.28, 0.0, -0.96])), tumbling_boxes(5, np.random.default_rng(6))
+    fall = rig.fall(state)
+    made = EFFECTS["wrong_gravity"].acceleration(fall, state, {"dg": 0.5}, rig)
+    np.testing.assert_allclose(made[:3], (1.0 + 0.5 / rig.gravity) * fall[:3], rtol=1e-12)
+    np.testing.assert_array_equal(made[3:], fall[3:])
+
+
 def test_effects_of_the_plane_are_not_asked_and_those_of_space_are() -> None:
     assert checks_of(EFFECTS["surface_patch"]) == EFFECT_CHECKS
     in_space = [effect for effect in EFFECTS.values() if 3 in effect.dimensions]

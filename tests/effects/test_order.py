@@ -1,15 +1,19 @@
 """Effects act in one order, whatever the order in which they were chosen, and that order is the physical one."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from thesis_lib.contact import LAWS
 from thesis_lib.critique.contacts.kinds import bind
 from thesis_lib.critique.contacts.model import Model
 from thesis_lib.effects import EFFECTS, Effect, effects_in
 from thesis_lib.effects.effect import Parameter, in_order
-from thesis_lib.extensions.effect_probe import EPSILON, MU, RIGS, TAU, at_scale, random_states
-from thesis_lib.mechanics.space import PLANE
+from thesis_lib.extensions.effect_probe import BOX, EPSILON, MU, RIGS, TAU, at_scale, random_states, tumbling_boxes
+from thesis_lib.mechanics.frame import Frame
+from thesis_lib.mechanics.space import PLANE, SPACE
 from thesis_lib.mechanics.state import State
 
 N = 12
@@ -81,6 +85,23 @@ def test_a_camera_reports_the_tracked_point_and_not_the_centre_in_its_wrong_axes
     np.testing.assert_allclose(seen.y, states.y + sin * d[0] + cos * d[1], atol=ROUNDING)
     np.testing.assert_allclose(seen.theta, turned - states.theta, atol=ROUNDING)
     np.testing.assert_allclose(seen.omega, -states.omega, atol=ROUNDING)
+
+
+@pytest.mark.parametrize("reading, P", [(1.0, [1, -1, -1, -1]), (4.0, [1, 1, -1, 1])])
+def test_a_quaternion_is_misread_after_the_tracked_frame_is_fixed_to_the_body(reading: float, P: list[int]) -> None:
+    """q of the file is P q(R_WS exp(d) R_ST)."""
+    d, (world, mark) = np.array([0.05, -0.03, 0.2]), Rotation.random(2, rng=np.random.default_rng(7))
+    tracked = Frame(np.array([0.01, -0.02, 0.03]), mark.as_quat(scalar_first=True))
+    rig = replace(BOX, tracked=tracked, world=world.as_quat(scalar_first=True))
+    states, names = tumbling_boxes(N, np.random.default_rng(8)), ("d_rx", "d_ry", "d_rz")
+    values = {"mu": MU, "epsilon": EPSILON, "misread_rotation.reading": reading}
+    values |= {f"angle_offset.{name}": value for name, value in zip(names, d)}
+    model = Model(LAWS["mirtich"], (EFFECTS["misread_rotation"], EFFECTS["angle_offset"]), space=SPACE)
+    seen = bind(model, values, rig).to_measured(states)
+    body, measured = (Rotation.from_quat(one.attitude.T, scalar_first=True) for one in (states, seen))
+    q = (world * body * Rotation.from_rotvec(d) * mark).as_quat(scalar_first=True) * P
+    off = Rotation.from_quat(q, scalar_first=True).inv() * world * measured * mark
+    np.testing.assert_allclose(off.magnitude(), 0.0, atol=1e-9)
 
 
 @pytest.mark.parametrize("name", ["wear", "position_dependent_restitution", "velocity_dependent_restitution"])

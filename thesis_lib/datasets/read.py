@@ -17,7 +17,14 @@ from thesis_lib.datasets.checks import trajectories as plausible
 from thesis_lib.datasets.checks.known_body import KnownBody
 from thesis_lib.datasets.format.dataset import TRAJECTORY_COLUMNS, Dataset, unwrap
 from thesis_lib.datasets.format.header import Header, SpaceHeader
-from thesis_lib.datasets.format.header_file import header_of, is_round, load_header, salvage_shape, schema_of
+from thesis_lib.datasets.format.header_file import (
+    header_of,
+    is_round,
+    load_header,
+    salvage_shape,
+    schema_of,
+    states_schema,
+)
 from thesis_lib.datasets.format.table_forms import POSE_IN_SPACE, TableForm, impact_form, trajectory_form
 from thesis_lib.datasets.format.tables import load_table, table_of
 from thesis_lib.datasets.format.validate import (
@@ -93,8 +100,16 @@ def _read(folder: Path, name: str, report: ValidationReport) -> Dataset | None:
 def _checked(name: str, header: Any, raw: Mapping, load: Load, report: ValidationReport) -> Dataset | None:
     """Dataset from a header (of either schema; None if invalid) and the tables that `load` returns by name and form."""
     schema, turns_unseen = schema_of(raw), is_round(raw)
-    trajectories = load("trajectories", trajectory_form(schema, turns_unseen))
-    impacts = load("impacts", impact_form(schema, turns_unseen))
+    forms = [trajectory_form(schema, turns_unseen), impact_form(schema, turns_unseen)]
+    if not states_schema(raw):  # the columns then tell the schema
+        forms = [replace(form(1, True), instead=form(2, True)) for form in (trajectory_form, impact_form)]
+    trajectories = load("trajectories", forms[0])
+    if trajectories is not None and not states_schema(raw):
+        schema = 2 if "z" in trajectories.data else 1
+        forms[1] = impact_form(schema, True)
+    impacts = load("impacts", forms[1])
+    if impacts is not None and "z" in impacts.data:
+        schema = 2
     check = _checked_in_space if schema == 2 else partial(_checked_in_plane, shape=salvage_shape(raw))
     made = check(name, header, trajectories, impacts, report)
     if made is not None and trajectories is not None and impacts is not None:

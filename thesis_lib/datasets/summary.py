@@ -114,9 +114,11 @@ def summary_text(dataset: Dataset, detection: FoundImpacts | None = None, hits: 
     """The summary as text, one line per subject."""
     facts, body, in_plane = summarise(dataset, detection), dataset.header.body, dataset.space.is_plane
     lines = [f"dataset     {facts['dataset']}", f"trials      {facts['trials']}"]
+    shape = dataset.shape if in_plane else dataset.in_space.body.solid.about(dataset.in_space.body.centre)
     mass = "mass not given" if body.mass is None else f"mass {body.mass:g} kg"
     lines.append(
-        f"body        {body.shape.kind}, reaches {dataset.shape.extent:.4g} m from its centre; {mass}; radius of "
+        f"body        {body.shape.kind}, reaches {shape.extent:.4g} m from its "
+        f"centre{'' if in_plane else ' of mass'}; {mass}; radius of "
         f"gyration {body.radius_of_gyration:.4g} m "
         + (f"(a uniform lamina has {body.shape.radius_of_gyration:.4g} m)" if in_plane else "(mean of three axes)")
     )

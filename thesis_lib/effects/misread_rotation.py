@@ -45,7 +45,7 @@ class MisreadRotation(CameraEffect):
     )
     channels = ("impact", "touch", "flight")
     needs_angle = True
-    rank = 85
+    rank = 95  # what is misread is the attitude of the tracked frame, however it is fixed to the body
     dimensions = ONLY_SPACE
     breaks_mirror = True
     reference = "Solà 2017, arXiv:1711.02508 (conventions of quaternions)"

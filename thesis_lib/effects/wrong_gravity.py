@@ -1,6 +1,6 @@
 """Wrong gravity: gravity differs from its assumed value (buoyancy, a surface that leans away from the camera).
 
-    a_y ← a_y − dg
+    a_y ← a_y − dg;   in space along the assumed gravity, on a slope not along the normal
 
 | on paper | in code | unit | shape |                               |
 |----------|---------|------|-------|-------------------------------|
@@ -18,7 +18,7 @@ class WrongGravity(Effect):
     family = "flight"
     title = "wrong gravity"
     equation = "a = (0, −(g + dg))"
-    equation_in_space = "a = g − dg n"
+    equation_in_space = "a = g (1 + dg/|g|)"
     parameters = (Parameter("dg", "m/s²", null=0.0, low=-9.0, high=9.0, scale=0.1),)
     channels = ("flight",)
     even = True
@@ -28,6 +28,9 @@ class WrongGravity(Effect):
 
     def acceleration(self, a, state, p, rig):
         faster = a.copy()
+        if rig.down is not None:
+            faster[: len(rig.down)] += p["dg"] * rig.down[:, None]
+            return faster
         faster[state.space.dimension - 1] -= p["dg"]
         return faster
 

@@ -182,6 +182,31 @@ def test_a_model_of_later_hits_predicts_them_by_their_tosses():
         model_with(**{"rotation_scale.s_R": 0.02}).predict(given)
 
 
+def test_lengths_and_signs_of_quaternions_change_no_prediction_and_those_of_no_rotation_are_refused():
+    table, q = stated_hits(content(), 3), ["qw", "qx", "qy", "qz"]
+    names, plain = list(V_POST_IN_SPACE), model_with().predict(table)
+    scaled = table.assign(**{name: -1.015 * table[name] for name in q})
+    np.testing.assert_allclose(model_with().predict(scaled)[names], plain[names], atol=1e-9)
+    with pytest.raises(UserError, match=r"^The quaternion has the length 0.9 in .* first in row 1 below"):
+        model_with().predict(table.assign(**{name: 0.9 * table[name] for name in q}))
+
+
+def test_hits_of_a_ball_without_orientation_are_predicted():
+    ball = {"shape": {"kind": "sphere", "radius": 0.03}, "homogeneous": True, "mass": 0.1}
+    head = content(body=ball, tracked={"position": [0.0, 0.0, 0.0]})
+    table, model = stated_hits(head, 3), space_model("anitescu_potra_newton", rig={"body": ball} | _without_noise(head))
+    bare, names = table.drop(columns=["qw", "qx", "qy", "qz"]), list(V_POST_IN_SPACE)
+    made = model.predict(bare)
+    assert list(made) == [*bare, "status"] and (made["status"] == "ok").all()
+    np.testing.assert_allclose(made[names], table[names], atol=1e-6)
+    with pytest.raises(UserError, match="lack the column"):
+        model_with().predict(bare)
+
+
+def _without_noise(head: dict) -> dict:
+    return {key: value for key, value in head.items() if key in ("tracked", "gravity", "surface")}
+
+
 def test_the_command_predicts_as_json_in_space(tmp_path, capsys):
     model_with().save(tmp_path / "model.json")
     stated_hits(content(), 3).to_csv(tmp_path / "states.csv", index=False)

@@ -156,6 +156,8 @@ def test_simulate_writes_what_the_camera_reports_of_given_states(tmp_path):
     np.testing.assert_allclose(step, [1.0, 0.5], atol=0.3)  # the tracked point circles about the centre of mass
     with pytest.raises(UserError, match="lack the column"):
         simulate_in_space(model, states=states.drop(columns="wx"), rng=np.random.default_rng(0))
+    with pytest.raises(UserError, match=r"The quaternion has the length 0\.5 in 1 row"):
+        simulate_in_space(model, states=states.assign(qw=0.3, qy=0.4), rng=np.random.default_rng(0))
     with pytest.raises(UserError, match="one row for each toss"):
         simulate_in_space(model, states=pd.concat([states, states]), rng=np.random.default_rng(0))
 

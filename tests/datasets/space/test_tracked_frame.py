@@ -8,12 +8,13 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from tests.tosses import recorded, simulate_tosses
+from thesis_lib.bodies.solid_body import Tracked
 from thesis_lib.bodies.solids import Box, Capsule, Cylinder, Ellipsoid, Sphere
 from thesis_lib.bodies.symmetry import Symmetry
 from thesis_lib.commands.datasets import main
 from thesis_lib.datasets import dataset_of, read_dataset
 from thesis_lib.datasets.checks.in_space import one_clock
-from thesis_lib.datasets.checks.tracked_pose import settled
+from thesis_lib.datasets.checks.tracked_pose import settled, tracked_frame_told
 from thesis_lib.datasets.format.frames import surface_frames
 from thesis_lib.datasets.format.header import SpaceHeader
 from thesis_lib.datasets.format.table_forms import QUATERNION
@@ -170,6 +171,42 @@ def test_an_unknown_pose_of_a_dataset_is_settled():
     few = dataset_of(content, trajectories=tossed(header, 2, 2))
     with pytest.raises(UserError, match=r"tracked: unknown: .*follow"):
         settled(few)
+
+
+def test_a_slope_that_is_stated_does_not_turn_the_tracked_frame():
+    content = rig("box 5:4:3", 8).model_dump(mode="json", by_alias=True, exclude_none=True)
+    up = -np.array(content["gravity"]) / 9.81
+    content["surface"]["normal"] = tuple(up + 0.4 * np.cross(up, [0.0, 1.0, 0.0]))
+    header = SpaceHeader.model_validate(content)
+    table = tossed(header, 16, 8)
+    told = tracked_frame_told(dataset_of(content, trajectories=table), compare=True)
+    assert told is not None and re.fullmatch(r"tracked frame as stated, according to \d+ hits and 0 rests", told)
+    found = settled(dataset_of(content | {"tracked": "unknown"}, trajectories=table)).in_space.tracked
+    assert found is not None and found.uncertainty is not None and header.tracked is not None
+    assert found.uncertainty.position is not None and found.uncertainty.position < 1e-3
+    np.testing.assert_allclose(_lever(found), _lever(header.tracked), atol=1e-3)
+
+
+def test_a_stated_pose_is_compared_with_the_symmetry_of_shape_and_mass_together():
+    content = rig("box 5:4:3", 4).model_dump(mode="json", by_alias=True, exclude_none=True)
+    content["body"] |= {"center_of_mass": (0.012, 0.009, 0.0), "homogeneous": None, "radii_of_gyration": (0.03,) * 3}
+    header = SpaceHeader.model_validate(content)
+    table, tracked = tossed(header, 24, 4), header.tracked
+    assert tracked is not None
+    half = Rotation.from_euler("z", 180.0, degrees=True)
+    turned = half * Rotation.from_quat(tracked.attitude, scalar_first=True)
+    content["tracked"] = {"position": half.apply(tracked.position), "quaternion": turned.as_quat(scalar_first=True)}
+    told = [
+        tracked_frame_told(dataset_of(one, trajectories=table), compare=True)
+        for one in (header.model_dump(mode="json", by_alias=True, exclude_none=True), content)
+    ]
+    assert told[0] is not None and told[0].startswith("tracked frame as stated")
+    assert told[1] is not None and "180° from the pose in dataset.yaml: correct tracked" in told[1]
+
+
+def _lever(tracked: Tracked) -> np.ndarray:
+    """From the origin of the tracked frame to that of the shape, (3,) in m, in axes of the tracked frame."""
+    return Rotation.from_quat(tracked.attitude, scalar_first=True).inv().apply(tracked.position)
 
 
 @pytest.mark.slow

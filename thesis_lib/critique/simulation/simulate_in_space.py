@@ -9,7 +9,7 @@ from collections.abc import Callable, Mapping
 import numpy as np
 import pandas as pd
 
-from thesis_lib.critique.results.saved_in_space import NOT_OF_THE_RIG, SavedSpaceModel
+from thesis_lib.critique.results.saved_in_space import NOT_OF_THE_RIG, SavedSpaceModel, require_rotations
 from thesis_lib.critique.simulation.first_flight import MeasuredTosses, first_flight
 from thesis_lib.critique.simulation.tosses import reported, toss
 from thesis_lib.datasets.format.dataset import Dataset
@@ -101,9 +101,8 @@ def given(states: pd.DataFrame) -> dict[str, np.ndarray]:
         )
     if not len(numbers) or numbers["trial"].duplicated().any():
         raise UserError("The states must have one row for each toss, with a different number in trial.")
+    require_rotations(numbers)
     columns = {name: numbers[name].to_numpy(float) for name in needed} | {"t": np.zeros(len(numbers))}
-    q = np.stack([columns[name] for name in POSE_IN_SPACE[3:]])
-    columns |= dict(zip(POSE_IN_SPACE[3:], q / np.linalg.norm(q, axis=0)))
     return {name + "_pre" * (name in V_IN_SPACE): column for name, column in columns.items()}
 
 

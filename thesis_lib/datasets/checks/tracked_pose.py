@@ -16,6 +16,7 @@ from thesis_lib.foundation.errors import UserError
 from thesis_lib.statistics.wording import plural
 
 ELSEWHERE = (0.1, 0.2)  # extents of the body, and rad, from which a stated frame contradicts the frame found
+LEVEL = 0.9998  # cosine of 1.1° between normal and vertical, up to which a table counts as level
 SURE = 4.0  # the same in sigmas of the frame found
 
 
@@ -60,8 +61,10 @@ def tracked_frame_told(dataset: Dataset, compare: bool) -> str | None:
     if stated is None:
         return found.text + left
     one, other = (Rotation.from_quat(pose.attitude, scalar_first=True).as_matrix() for pose in (stated, found.tracked))
-    near = Symmetry(body.solid, body.inertia_per_mass).nearest(one, other)
-    place = float(np.linalg.norm(near @ one.T @ np.array(stated.position) - np.array(found.tracked.position)))
+    # a symmetry of the body turns it about its centre of mass, which keeps its place in the tracked frame
+    near = Symmetry(body.solid.about(body.centre), body.inertia_per_mass).nearest(one, other)
+    moved = body.centre - near @ one.T @ (body.centre - np.array(stated.position))
+    place = float(np.linalg.norm(moved - np.array(found.tracked.position)))
     turn, error = float(Rotation.from_matrix(other @ near.T).magnitude()), found.tracked.uncertainty
     assert error is not None and error.position and error.rotation
     far = place > max(ELSEWHERE[0] * body.solid.extent, SURE * error.position)
@@ -81,4 +84,9 @@ def _found(dataset: Dataset) -> TrackedFrame:
     whole = pd.DataFrame(table[np.isfinite(table["qw"].to_numpy(float))])
     trial, t, position = one_clock(whole)
     q = whole[list(QUATERNION)].to_numpy(float)
-    return find_tracked_frame(trial, t, position, q, dataset.in_space.body, dataset.gravity)
+    # in axes of a camera the direction of gravity may be wrong, and the normal with it, but not a stated slope
+    normals, down = [normal for _, normal in dataset.in_space.planes], np.array(dataset.in_space.gravity)
+    slopes = len(normals) == 1 and float(-normals[0] @ down) < LEVEL * dataset.gravity
+    return find_tracked_frame(
+        trial, t, position, q, dataset.in_space.body, dataset.gravity, normals[0] if slopes else None
+    )

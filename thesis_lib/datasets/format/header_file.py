@@ -74,6 +74,11 @@ def schema_of(raw: Mapping) -> int:
     return 2 if raw.get("schema") == 2 else 1
 
 
+def states_schema(raw: Mapping) -> bool:
+    """Whether dataset.yaml can be read and its schema, 1 if the key is missing, is one of this format."""
+    return bool(raw) and type(schema := raw.get("schema", 1)) is int and schema in (1, 2)
+
+
 def validated(
     raw: Mapping,
     lines: Mapping[tuple, int],

@@ -72,6 +72,11 @@ _OTHER_FORM: dict[int, Remedies] = {
     ),
     2: {
         ("body", "radius_of_gyration"): _BY_SCHEMA[2]["body", "radii_of_gyration"].replace("give", "in space, give"),
+        ("body", "shape", "edge_radius"): "remove it; only box, cylinder and mesh have edges",
+        (
+            "tracked",
+            "rotation",
+        ): "write quaternion: [w, x, y, z], which turns the axes of the tracked frame into the shape's",
         ("surface", "height"): "in space, write surface: {point: [0, 0, height], normal: [0, 0, 1]}",
         ("noise", "angle"): "in space, write rotation: rad, one sigma of each component of a small turn",
     },

@@ -199,6 +199,8 @@ def table_of(
 
     `ragged`: mask (n,) of rows with too few or too many cells; problems go to `report`, under the file name `name`.
     """
+    if form.instead is not None and any(str(column).lower() in form.foreign for column in frame.columns):
+        form = form.instead
     if not _check_columns(name, list(frame.columns), form, report):
         return None
     first_row = 2 if name.endswith(".csv") else 1

@@ -95,6 +95,7 @@ def find_tracked_frame(
     quaternion: np.ndarray | None,
     body: SolidBody,
     gravity: float,
+    normal: np.ndarray | None = None,
 ) -> TrackedFrame:
     """Pose of the tracked frame in the body, table and gravity, from complete poses at increasing times `t` (n,).
 
@@ -102,6 +103,7 @@ def find_tracked_frame(
         trial: (n,) equal within a toss, or a take.
         quaternion: (n, 4) scalar first; None for a ball whose centre is tracked, and whose orientation is not measured.
         gravity: its magnitude in m/s².
+        normal: (3,) of a table that is known to slope; None: nearly against gravity.
 
     Raises:
         UserError: flights or touches are missing; the message states which.
@@ -116,7 +118,7 @@ def find_tracked_frame(
             f"{len(met.rests)} hits and rests follow free flights, but the pose of the tracked frame in the body needs "
             f"{FEWEST}: record until the body lies still, on different faces."
         )
-    found = _Fit(body, falls, met).solved(gravity)
+    found = _Fit(body, falls, met, normal).solved(gravity)
     if quaternion is not None:
         return found
     return replace(found, tracked=Tracked.model_validate({"position": tuple(body.centre.tolist())}))
@@ -125,11 +127,12 @@ def find_tracked_frame(
 class _Fit:
     """The equations of the touches; the unknowns are rotation (3), e (3), h, tilt (2) and τ."""
 
-    def __init__(self, body: SolidBody, falls: FallingBody, met: Touches) -> None:
+    def __init__(self, body: SolidBody, falls: FallingBody, met: Touches, normal: np.ndarray | None) -> None:
         self.body, self.falls, self.met = body, falls, met
         self.solid = body.solid.about(body.centre)
         self.symmetry = Symmetry(self.solid, body.inertia_per_mass)
-        self.frame = Frame.of_surface(np.zeros(3), -falls.gravity / np.linalg.norm(falls.gravity))
+        against = -falls.gravity / np.linalg.norm(falls.gravity)
+        self.frame = Frame.of_surface(np.zeros(3), against if normal is None else normal)
         self.axes = self.frame.vectors_out(np.eye(3))  # columns: t_1, t_2, n
         stated = body.uncertainty.center_of_mass if body.uncertainty else None
         spread = np.eye(3) * (stated or CENTRE * self.solid.extent) ** 2
