@@ -64,6 +64,16 @@ def test_independent_releases_are_no_copies(alike, irregular, rng):
     assert found(releases(1, rng)) == [] and found(releases(0 + 2, rng).groupby("trial").head(20)) == []
 
 
+def test_bodies_that_rest_for_long_are_no_copies(rng):
+    """A camera sees a body at rest with less noise than one that moves."""
+    table = releases(12, rng, alike=True)
+    end = table[table["t"] == table["t"].max()].assign(z=0.0)
+    rests = [end.assign(t=end["t"] + k / RATE, z=0.1 * NOISE * rng.standard_normal(12)) for k in range(1, 301)]
+    table = pd.concat([table, *rests]).sort_values(["trial", "t"], ignore_index=True)
+    assert found(table) == []
+    assert found(pd.concat([table, moved(table[table["trial"] == 7]).assign(trial=12)], ignore_index=True)) == [(7, 12)]
+
+
 def test_reading_a_dataset_says_so(rng):
     table = releases(12, rng)
     table = pd.concat([table, moved(table[table["trial"] == 3]).assign(trial=12)], ignore_index=True)

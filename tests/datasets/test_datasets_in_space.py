@@ -236,6 +236,13 @@ def test_meshes_that_cannot_be_meant_are_refused(tmp_path, name):
 def test_an_open_mesh_cannot_be_homogeneous_and_one_without_a_centre_neither(tmp_path):
     shape = write_mesh(tmp_path, closed=False)
     assert "is not closed" in only(write(tmp_path, header(body=body(shape=shape)), trajectories=trajectories()))
+    text = (tmp_path / "body.obj").read_text()
+    *rest, last = mesh().decode().rstrip().split("\n")
+    corners = last.split()
+    (tmp_path / "body.obj").write_text("\n".join([*rest, " ".join([corners[0], *corners[:0:-1]])]))
+    said = only(write(tmp_path, header(body=body(shape=shape)), trajectories=trajectories()))
+    assert "has some faces clockwise" in said and "is not closed" not in said
+    (tmp_path / "body.obj").write_text(text)
     told = {"homogeneous": None, "radii_of_gyration": [0.03, 0.03, 0.03]}
     folder = write(tmp_path, header(body=body(shape=shape, **told)))
     assert "a mesh needs center_of_mass, or homogeneous: true" in only(folder)

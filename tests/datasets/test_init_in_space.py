@@ -295,7 +295,7 @@ def test_an_open_mesh_needs_what_is_believed_of_its_mass(tmp_path, capsys):
     (tmp_path / "open.obj").write_bytes(mesh((50.0, 40.0, 30.0), closed=False))
     options = ["--quaternion", "xyzw", "--shape", f"mesh:{tmp_path / 'open.obj'},0.001"]
     assert init(tmp_path, frame, *options)[0] == 2
-    assert "error: --shape: the mesh is not closed, so that it has neither volume nor inertia. Close the mesh" in (
+    assert "error: --shape: the mesh is not closed, so that it has neither volume nor inertia. Repair the mesh" in (
         capsys.readouterr().err
     )
     believed = ["--radii-of-gyration", "0.03,0.03,0.035", "--center-of-mass", "-0.0,0,0.001"]

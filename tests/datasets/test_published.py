@@ -247,6 +247,13 @@ def test_tosses_are_unpacked_from_the_archive_of_their_repository(three_tosses, 
     assert {file: path.read_bytes() for file, path in files.items()} == content
 
 
+def test_a_package_that_is_missing_is_named_before_the_download(monkeypatch, tmp_path):
+    monkeypatch.setattr(fetch, "find_spec", lambda name: None)
+    for copy in (None, tmp_path):
+        with pytest.raises(UserError, match=r"^contactnets-cube holds tensors of torch; .* pip install torch"):
+            fetch.fetch("contactnets-cube", tmp_path / "m", copy, archive_host="http://127.0.0.1:9")
+
+
 # --- network ------------------------------------------------------------------------------------------------
 
 

@@ -24,6 +24,8 @@ from thesis_lib.foundation.settings import Section
 
 MAX_BYTES = 20_000_000
 PACKAGE = "trimesh"
+OPEN = "the mesh is not closed"
+MIXED = "the mesh has some faces clockwise and others counter-clockwise as seen from outside"
 SUFFIXES = (".obj", ".stl")
 
 
@@ -76,7 +78,7 @@ class Mesh(Section):
         """Volume, centre of mass and inertia per mass of the homogeneous solid within the mesh.
 
         Raises:
-            ValueError: the mesh is not closed.
+            ValueError: the mesh is not closed, or has no outside.
         """
         return _moments_of(self._content, Path(self.file).suffix.lower(), self.scale)
 
@@ -95,9 +97,9 @@ def _hull_of(content: bytes, suffix: str, scale: float, edge_radius: float) -> H
 
 @lru_cache(maxsize=8)
 def _moments_of(content: bytes, suffix: str, scale: float) -> Moments:
-    vertices, faces, closed = _surface_in(content, suffix)
-    if not closed:
-        raise ValueError("the mesh is not closed, so that it has neither volume nor inertia")
+    vertices, faces, fault = _surface_in(content, suffix)
+    if fault:
+        raise ValueError(f"{fault}, so that it has neither volume nor inertia")
     triangles = scale * vertices[faces]
     try:
         return moments_within(triangles)
@@ -118,8 +120,8 @@ def _content_of(folder: Path, name: str) -> bytes:
 
 
 @lru_cache(maxsize=8)
-def _surface_in(content: bytes, suffix: str) -> tuple[np.ndarray, np.ndarray, bool]:
-    """Vertices (k, 3), triangles (f, 3) as their indices, and whether the surface is closed, with one outside."""
+def _surface_in(content: bytes, suffix: str) -> tuple[np.ndarray, np.ndarray, str]:
+    """Vertices (k, 3), triangles (f, 3) as their indices, and why the surface encloses no solid; "" if it does."""
     if find_spec(PACKAGE) is None:
         raise ValueError(f"reading a mesh needs a package: pip install {PACKAGE}")
     import trimesh
@@ -132,7 +134,7 @@ def _surface_in(content: bytes, suffix: str) -> tuple[np.ndarray, np.ndarray, bo
         if not len(faces) or not np.isfinite(vertices).all():
             raise ValueError("no triangles of finite numbers")
         mesh.merge_vertices(merge_tex=True, merge_norm=True)
-        closed = bool(mesh.is_watertight and mesh.is_winding_consistent)
-        return np.asarray(mesh.vertices, float), np.asarray(mesh.faces), closed
+        fault = "" if mesh.is_winding_consistent else MIXED
+        return np.asarray(mesh.vertices, float), np.asarray(mesh.faces), fault if mesh.is_watertight else OPEN
     except Exception as error:  # the library raises many kinds of errors for a broken file
         raise ValueError(f"the file cannot be read as a mesh ({first_line(error)})") from error

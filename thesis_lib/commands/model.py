@@ -151,8 +151,10 @@ def simulate(argv: Sequence[str] | None = None) -> int:
         made = (_drops if model.space.is_plane else _tosses)(model, args, options)
         write_dataset(made, folder)
     if not args.quiet:
+        from thesis_lib.statistics.wording import plural
+
         samples = 0 if made.trajectories is None else len(made.trajectories)
-        print(f"{len(made.trials)} drops, {samples} samples written to {folder}", file=sys.stderr)
+        print(f"{plural(len(made.trials), 'drop')}, {samples} samples written to {folder}", file=sys.stderr)
     return 0
 
 

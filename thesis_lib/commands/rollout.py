@@ -1,6 +1,7 @@
 """`thesis-lib rollout`: whole tosses predicted by a model in space, compared with measured tosses."""
 
 import json
+import os
 import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -70,7 +71,10 @@ def rollout(argv: Sequence[str] | None = None) -> int:
     )
     parser.add_argument("--body", metavar="NAME", help="name of the body in the files of --mjcf")
     parser.add_argument(
-        "-o", "--out", metavar="DIR", help="write rollout.json, plots over time and hits, and with --fit model.json"
+        "-o",
+        "--out",
+        metavar="DIR",
+        help="write rollout.json, plots over time and hits, and with --fit model.json and errors.csv",
     )
     parser.add_argument("--json", action="store_true", help="print the content of rollout.json in place of the table")
     parser.add_argument("-q", "--quiet", action="store_true", help="print only errors to stderr")
@@ -83,12 +87,17 @@ def rollout(argv: Sequence[str] | None = None) -> int:
             "--fit compares the fitted model with the original one on the tosses that the critique held out: "
             "leave --all and --against out."
         )
+    if args.out:
+        _prepare(args.out, args.model, bool(args.fit))
     load_additions(args.files, [args.data])
     with Progress(args.model, quiet=args.quiet) as say:
         say("loading")
+        import numpy as np
+        import pandas as pd
+
         from thesis_lib.critique.simulation.rollout import compared, roll_out
         from thesis_lib.datasets.read import read_dataset
-        from thesis_lib.foundation.files import write_json
+        from thesis_lib.foundation.files import write_json, write_table
         from thesis_lib.foundation.randomness import generator
 
         model, data = load_named(args.model), read_dataset(args.data)
@@ -129,16 +138,27 @@ def rollout(argv: Sequence[str] | None = None) -> int:
             from thesis_lib.figures.critique.rollout import draw_rollout
             from thesis_lib.figures.style import save_figure
 
-            Path(args.out).mkdir(parents=True, exist_ok=True)
             for by in ("t", "hits"):
                 save_figure(*draw_rollout(found.curve(by)), Path(args.out) / f"rollout_by_{by}.png")
             write_json(content, Path(args.out) / "rollout.json")
             if args.fit:
                 model.save(Path(args.out) / "model.json")
+                kept = pd.DataFrame({"trial": data.trials, "held_out": np.isin(data.trials, trials).astype(int)})
+                write_table(kept, Path(args.out) / ERRORS)  # so that this model, too, is judged on these tosses
     print(json.dumps(content, indent=1, ensure_ascii=False) if args.json else as_table(content))
     if args.out and not args.quiet:
         print(f"written to {args.out}", file=sys.stderr)
     return 0
+
+
+def _prepare(out: str, model: str, fit: bool) -> None:
+    """Make the folder before minutes of work; UserError if it cannot be written into or holds `model` itself."""
+    folder = Path(out)
+    if fit and folder.resolve() == Path(model).resolve().parent:
+        raise UserError(f"-o {out} is the folder of {model}, which --fit would overwrite; give another folder.")
+    folder.mkdir(parents=True, exist_ok=True)
+    if not os.access(folder, os.W_OK):
+        raise UserError(f"-o {out}: nothing can be written into this folder; give another one.")
 
 
 def held_out(model: str, data: "Dataset") -> "Sequence[int]":
@@ -181,7 +201,7 @@ def as_table(content: Mapping) -> str:
     lines = [f"{content['model']}; {content['contactnets']['n']} tosses of {content['dataset']}"]
     lines += [f"{name} = {value:.4g}, fitted to the other tosses" for name, value in content.get("fitted", {}).items()]
     if not content.get("search_ended", True):
-        lines.append("this fit stopped at its limit of evaluations: run it again from the model.json that was written")
+        lines.append("this fit stopped at its limit of evaluations: run it again from its model.json, which -o writes")
     lines.append("".join([f"{'':<38}", *(f"{name:<30}" for name in columns)]).rstrip())
     for group, keys in GROUPS.items():
         for key in keys:

@@ -228,6 +228,9 @@ def test_episodes_alone_say_restitution_by_their_fit_only_and_no_bodies_have_no_
     monkeypatch.setattr(findings, "are_enough", lambda impacts, trials: True)
     content = few_diagnosis(few)
     assert content["verdict"] is None and f"only 0 of {len(episodes)} stand alone" in content["reason"]
+    slow = SimpleNamespace(rate=30.0, trajectories=None)
+    one = FewImpacts("", observed.rows(np.array([0])), {"mirtich": fitted}, slow)
+    assert "too slow for a verdict (1 usable impact in 1 trial). At 30 Hz" in few_diagnosis(one)["reason"]
     none = observed.rows(np.zeros(0, int))
     assert fitted.on(none).dynamics.path(np.zeros((0, 8)), none.lines(0)).shape == (0, 8, 7)
 

@@ -144,6 +144,17 @@ def test_the_command_writes_numbers_and_pictures(simulated, tmp_path, capsys):
     assert main(command) == 2 and "does not exist" in capsys.readouterr().err
 
 
+def test_a_folder_that_cannot_be_written_is_refused_before_the_work(simulated, tmp_path, capsys, monkeypatch):
+    model = tmp_path / "model.json"
+    simulated[0].save(model)
+    command = ["rollout", str(model), str(tmp_path / "no set"), "--fit", "mu", "-o"]
+    assert main([*command, str(tmp_path)]) == 2 and "which --fit would overwrite" in capsys.readouterr().err
+    assert main([*command, str(model)]) == 2 and "no set" not in capsys.readouterr().err
+    monkeypatch.setattr("os.access", lambda *_: False)
+    assert main([*command, str(tmp_path / "out")]) == 2
+    assert "nothing can be written into this folder" in capsys.readouterr().err
+
+
 @pytest.mark.slow
 def test_parameters_are_fitted_to_whole_tosses(simulated, tmp_path, capsys):
     """Tosses of a known μ bring it back from a wrong one; the command judges the fit on tosses that it did not see."""
@@ -160,8 +171,14 @@ def test_parameters_are_fitted_to_whole_tosses(simulated, tmp_path, capsys):
     assert content["fitted"]["mu"] == pytest.approx(truth, abs=0.01) and fitted["epsilon"]["value"] == 0.5
     assert content["search_ended"] and content["contactnets"]["n"] == 3
     assert content["against"]["difference"]["acosta"]["loss"] < 0.0
+    again = ["rollout", str(tmp_path / "out" / "model.json"), str(tmp_path / "set"), "-q", "--json"]
+    assert main(again) == 0  # judged on the same tosses
+    kept = json.loads(capsys.readouterr().out)
+    assert kept["held_out"] and kept["contactnets"]["n"] == 3
+    assert kept["benchmark"]["position_m"] == pytest.approx(content["benchmark"]["position_m"], rel=1e-4)
     assert main([*command, "radius"]) == 2
-    assert "has no parameter radius to fit; it has mu, epsilon, tau" in capsys.readouterr().err
+    said = capsys.readouterr().err
+    assert "has no parameter radius to fit; it has mu, epsilon, tau" in said and "<Saved" not in said
     assert main([*command, "mu", "--all"]) == 2 and "leave --all and --against out" in capsys.readouterr().err
 
 

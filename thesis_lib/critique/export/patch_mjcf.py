@@ -1,8 +1,11 @@
 """Patch a body of an MJCF file: `<inertial>`, and friction, solref, solimp of its geoms and of pairs with them.
 
-Geoms get `priority`, so MuJoCo uses their friction and solref in a contact, without averaging with the surface.
-Classes and included files are not read: all numbers are written into the elements themselves.
+Geoms get a `priority` above that of all others, so MuJoCo uses their friction and solref in a contact, without
+averaging with the surface.  Classes and included files are not read: all numbers are written into the elements
+themselves.
 """
+
+from collections.abc import Iterator
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -16,6 +19,11 @@ from thesis_lib.foundation.errors import UserError
 COARSEST = 20  # steps in one contact time
 LEVEL = 1e-9  # of the largest moment: smaller products of inertia are rounding
 TURNED = ("axisangle", "euler", "xyaxes", "zaxis")
+CHANGES = {  # what MuJoCo does to mass and inertia after it has read them, by attribute of <compiler>
+    "settotalmass": "MuJoCo scales mass and inertia to this total",
+    "boundmass": "MuJoCo replaces a smaller mass",
+    "boundinertia": "MuJoCo replaces smaller moments of inertia",
+}
 _DIAGONAL = ((0, 0), (1, 1), (2, 2))
 _FULL = (*_DIAGONAL, (0, 1), (0, 2), (1, 2))
 
@@ -30,25 +38,64 @@ def patch(file: Patch, name: str, solid: ExportedBody, points: int | None = None
     """Edit the file; `points`: number of points in which the body touches; None: by its geoms."""
     body = _body(file, name)
     _inertial(file, body, solid)
-    geoms = [geom for geom in body.findall("geom") if not geom.get("contype") == geom.get("conaffinity") == "0"]
+    geoms = [geom for geom in _geoms(body) if not geom.get("contype") == geom.get("conaffinity") == "0"]
     if not geoms:
-        raise UserError(f"{file.path}: the body {name!r} has no geom that can touch; name the body with such a geom.")
+        raise UserError(f"{file.path}: the body {name!r} has no geom that can touch; {_instead(body)}.")
     made = mjcf.numbers(solid, points or points_of(file, geoms, solid))
+    priority = 1.0 + max([0.0, *(_priority(file, geom) for geom in file.root.iter("geom") if geom not in geoms)])
     for geom in geoms:
-        _contact(file, geom, made, solid.twist)
+        _contact(file, geom, made, solid.twist, priority)
     names = {geom.get("name") for geom in geoms} - {None}
     for pair in file.root.findall("contact/pair"):
         if names & {pair.get("geom1"), pair.get("geom2")}:
             _numbers(file, f"pair in line {pair.sourceline}", pair, made, solid.twist, slides=2)
     file.left += _options(file, solid, made)
+    file.left += _added(file, body)
     file.left += not_patched(solid)
+
+
+def _geoms(body: Element) -> list[Element]:
+    """Return the geoms of a body, also those within `<frame>`, in order."""
+    return [geom for geom in body.iter("geom") if next(geom.iterancestors("body", "replicate"), None) is body]
+
+
+def _instead(body: Element) -> str:
+    for tag, what in (("include", "included files are not read"), ("replicate", "geoms within it are not patched")):
+        if body.find(f".//{tag}") is not None:
+            return f"<{tag}>: {what}; write its geoms into the body"
+    return "name the body with such a geom"
+
+
+def _fixed(body: Element) -> Iterator[Element]:
+    """Yield the bodies that move with a body because they have no joint."""
+    for child in body.iterchildren("body", "frame"):
+        if child.tag == "frame":
+            yield from _fixed(child)
+        elif child.find("joint") is None and child.find("freejoint") is None:
+            yield child
+            yield from _fixed(child)
+
+
+def _added(file: Patch, body: Element) -> list[str]:
+    """Return what else makes the mass and inertia of the body, or changes them."""
+    said = [
+        f"compiler {name} {compiler.get(name)}: {what}"
+        for compiler in file.root.findall("compiler")
+        for name, what in CHANGES.items()
+        if (file.numbers(compiler, name) or [0.0])[0] > 0.0
+    ]
+    for child in _fixed(body):
+        which = f"body {child.get('name', f'in line {child.sourceline}')}"
+        said.append(f"{which}: has no joint, so its mass and inertia add to those of this body; its geoms stay")
+    return said
 
 
 def points_of(file: Patch, geoms: list[Element], solid: ExportedBody) -> int:
     """Return how many points share the load: the two ends of an edge, or geoms one behind another across the plane."""
     if solid.points == 1 and (file.plane.across is None or len(geoms) == 1):
         return 1
-    if all(geom.get("type", "sphere") in ("sphere", "ellipsoid") for geom in geoms):
+    own = len({geom.getparent() for geom in geoms}) == 1  # within a <frame> the places are others
+    if own and all(geom.get("type", "sphere") in ("sphere", "ellipsoid") for geom in geoms):
         return file.sharing(file.numbers(geom, "pos") or [0.0, 0.0, 0.0] for geom in geoms)
     return 2
 
@@ -106,11 +153,15 @@ def _inertial(file: Patch, body: Element, solid: ExportedBody) -> None:
     file.write("inertia", [new[i, j] for i, j in entries], inertial, attribute)
 
 
-def _contact(file: Patch, geom: Element, made: MujocoNumbers, twist: float) -> None:
+def _contact(file: Patch, geom: Element, made: MujocoNumbers, twist: float, priority: float) -> None:
     which = f"geom {geom.get('name', f'in line {geom.sourceline}')}"
     _numbers(file, which, geom, made, twist, slides=1)
-    if not (file.numbers(geom, "priority") or [0.0])[0] > 0.0:
-        file.write(f"{which}: priority", [1.0], geom, "priority")
+    if _priority(file, geom) < priority:
+        file.write(f"{which}: priority", [priority], geom, "priority")
+
+
+def _priority(file: Patch, geom: Element) -> float:
+    return (file.numbers(geom, "priority") or [0.0])[0]
 
 
 def _numbers(file: Patch, which: str, element: Element, made: MujocoNumbers, twist: float, slides: int) -> None:
@@ -120,7 +171,8 @@ def _numbers(file: Patch, which: str, element: Element, made: MujocoNumbers, twi
     friction = [made.friction] * slides + ([twist, *rest[1:]] if twist else rest)
     for attribute, values in (("friction", friction), ("solref", made.solref), ("solimp", made.solimp)):
         file.write(f"{which}: {attribute}", values, element, attribute)
-    if element.get("condim", "3") in (("1", "3") if twist else ("1",)):
+    default = "1" if file.root.find(f"default//{element.tag}[@condim='1']") is not None else "3"  # of any class
+    if element.get("condim", default) in (("1", "3") if twist else ("1",)):
         file.write(f"{which}: condim", [4.0 if twist else 3.0], element, "condim")
 
 

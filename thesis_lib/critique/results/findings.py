@@ -43,10 +43,10 @@ def few_diagnosis(few: FewImpacts) -> dict:
     o, (value, std) = few.observations, few.restitution
     n, m = len(o), len(np.unique(o.trial))
     model = {"name": LAW, "parameters": few_parameters(few)}
-    why = f"too few impacts ({n} in {m} {'trial' if m == 1 else 'trials'}; {MIN_IMPACTS} in {MIN_TRIALS} are needed)"
+    why = f"too few impacts ({n} in {plural(m, 'trial')}; {MIN_IMPACTS} in {MIN_TRIALS} are needed)"
     slow = "" if few.source is None or o.space.is_plane or not o.arcs else too_slow(few.source.rate)
     if slow:
-        why = f"too slow for a verdict ({n} usable impacts in {m} {'trial' if m == 1 else 'trials'}). {slow[:-1]}"
+        why = f"too slow for a verdict ({plural(n, 'usable impact')} in {plural(m, 'trial')}). {slow[:-1]}"
     needed = _what_is_needed(n, m)
     if slow:
         needed = "For a verdict on the contact model, record at 100 Hz or more."

@@ -44,7 +44,7 @@ def fit_to_tosses(
     """
     known = {name: p for name, p in model.model.fitted_parameters.items() if name in model.parameters}
     if unknown := [name for name in names if name not in known]:
-        raise UserError(f"{model!r} has no parameter {unknown[0]} to fit; it has {', '.join(known)}.")
+        raise UserError(f"The model {model} has no parameter {unknown[0]} to fit; it has {', '.join(known)}.")
     measured = MeasuredTosses.of(dataset, model, trials)
     begins = any("." in name and EFFECTS[name.split(".")[0]].family not in OF_CONTACTS for name in names)
     first = np.array([model.values[name] for name in names])

@@ -7,6 +7,7 @@ original, unlike any second release.  Heights are compared around the strongest 
     d = min over δ of |h_i(s) − h_j(s + δ) − const|,    a copy if the typical d is below `SHARED` σ
 
 with σ the noise of one height; heights of independent releases differ by √2 σ even where their motions are equal.
+Bodies at rest are all alike, and a camera sees a body at rest with less noise: samples at rest are not compared.
 """
 
 from collections.abc import Sequence
@@ -22,6 +23,7 @@ NEAR = 3e-3  # m: heights that differ by more on a common grid are not copies
 KICK = 0.5  # m/s, smallest upward kick
 SHARED = 0.8  # σ; a copy at the same times differs by rounding, one at times between them by part of the noise
 MOVES = 30.0  # σ by which heights must vary in the window: bodies at rest are all alike
+RESTS = 0.1  # m/s: rate of the height below which a sample counts as at rest, in both releases
 ROUNDS = 3  # iterations for the shift in time
 FLOOR = 1e-7  # m, least noise
 
@@ -82,10 +84,11 @@ def _off_neighbours(t: np.ndarray, height: np.ndarray) -> np.ndarray:
 def _apart(one: tuple[np.ndarray, np.ndarray], other: tuple[np.ndarray, np.ndarray]) -> float:
     """Distance d in m of two releases, a robust median: near the kick an interpolated copy is off by more."""
     (s, h), (s_other, h_other) = one, other
-    slope, shift, size = np.gradient(h_other, s_other), 0.0, np.inf
+    slope, own, shift, size = np.gradient(h_other, s_other), np.gradient(h, s), 0.0, np.inf
     for _ in range(ROUNDS):
         at = s + shift
         inner = (at >= s_other[0]) & (at <= s_other[-1])
+        inner &= np.maximum(np.abs(own), np.abs(np.interp(at, s_other, slope))) > RESTS
         if inner.sum() < STEPS // 2:
             return np.inf
         off = h[inner] - np.interp(at[inner], s_other, h_other)

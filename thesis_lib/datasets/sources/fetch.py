@@ -10,6 +10,7 @@ import tempfile
 import urllib.error
 import urllib.request
 import zipfile
+from importlib.util import find_spec
 from pathlib import Path, PurePosixPath
 
 from thesis_lib.datasets.sources.published import (
@@ -28,6 +29,7 @@ RAW_HOST = "https://raw.githubusercontent.com"
 ARCHIVE_HOST = "https://codeload.github.com"
 TIMEOUT = 60.0  # s without receiving a byte
 MAX_DOWNLOAD = 1_000_000_000  # bytes; the archive of the dice repository also holds its meshes and videos
+OF_TENSORS = ("contactnets_cube",)  # sets that torch reads
 MAX_MEMBER = 1_000_000  # bytes; a dice file has 24 kB
 CHUNK = 1 << 20
 
@@ -45,9 +47,13 @@ def fetch(
 
     `source_dir` is a local copy to use instead of the network, or its parent folder; `say` is called with lines on
     the progress, `note` with a line on optional files that a copy lacks.  UserError, with nothing written: no network,
-    a wrong file, or an unsafe archive.
+    a wrong file, an unsafe archive, or no package that reads the files.
     """
     name = published_name(name)
+    if name in OF_TENSORS and find_spec("torch") is None:
+        raise UserError(
+            f"{name.replace('_', '-')} holds tensors of torch; reading them needs a package: pip install torch."
+        )
     out_dir = Path(to) / name
     if source_dir is not None:
         say(f"checking and converting {name} from {source_dir}")

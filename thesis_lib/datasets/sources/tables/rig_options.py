@@ -53,8 +53,8 @@ class RigOptions:
                 _ = self.shape.moments
             except ValueError as error:
                 raise UserError(
-                    f"--shape: {error}. Close the mesh, or give measured or assumed values: --center-of-mass X,Y,Z and "
-                    "--radii-of-gyration X,Y,Z, in m along the axes of the mesh."
+                    f"--shape: {error}. Repair the mesh, or give measured or assumed values: --center-of-mass X,Y,Z "
+                    "and --radii-of-gyration X,Y,Z, in m along the axes of the mesh."
                 ) from error
 
     @property

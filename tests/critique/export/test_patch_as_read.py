@@ -1,0 +1,75 @@
+"""MuJoCo takes the numbers of a patch from the file, whatever else stands there; what it adds to them is said."""
+
+import mujoco
+import numpy as np
+import pytest
+from engine_runs import BODIES, TRUE, model_of
+
+from thesis_lib.critique.export.export import exported, patched
+from thesis_lib.foundation.errors import UserError
+
+MINE = """<mujoco>
+  <compiler angle="degree"/>
+  <option timestep="2e-5" cone="elliptic" impratio="10"/>
+  <default><geom friction="1"/></default>
+  <worldbody>
+    <geom name="table" type="plane" size="1 1 .1"/>
+    <body name="block" pos="0 0 .3">
+      <freejoint/>
+      <inertial pos="0 0 0" mass="0.05" diaginertia="3e-5 3e-5 3e-5"/>
+      <geom name="hull" type="box" size=".03 .03 .03"/>
+    </body>
+  </worldbody>
+</mujoco>
+"""
+HULL = '<geom name="hull" type="box" size=".03 .03 .03"/>'
+LID = '<body name="lid"><geom size=".01" mass="0.01"/><frame><body><geom size=".01" mass="0.02"/></body></frame></body>'
+DOOR = '<body name="door"><joint/><geom size=".01" mass="0.01"/><body name="knob"><geom size=".01"/></body></body>'
+
+
+def patch(tmp_path, old: str = HULL, new: str = HULL):
+    (tmp_path / "mine.xml").write_text(MINE.replace(old, new))
+    return patched(model_of("mujoco", BODIES["square"], TRUE), "mjcf", tmp_path / "mine.xml", "block")
+
+
+CHANGES = {
+    "as it is": (HULL, HULL),
+    "a surface with priority": ('name="table"', 'name="table" priority="2"'),
+    "a class without friction": ('friction="1"', 'friction="1" condim="1"'),
+    "a frame": (HULL, f'<frame pos="0 0 0">{HULL}</frame>'),
+}
+
+
+@pytest.mark.parametrize("change", CHANGES)
+def test_the_contact_is_that_of_the_model(change, tmp_path):
+    """MuJoCo's own contact of the block with the table, from a pose in which they touch."""
+    model = mujoco.MjModel.from_xml_string(patch(tmp_path, *CHANGES[change]).content.decode())
+    fresh = mujoco.MjModel.from_xml_string(
+        exported(model_of("mujoco", BODIES["square"], TRUE), "mjcf", mass=0.05).content.decode()
+    )
+    data = mujoco.MjData(model)
+    data.qpos[2] = 0.0299
+    mujoco.mj_forward(model, data)
+    assert data.ncon and data.contact.dim.tolist() == [3] * data.ncon
+    np.testing.assert_allclose(data.contact.friction[:, 0], TRUE["mu"], rtol=1e-5)
+    # the fresh file has one contact point, the box two on an edge
+    np.testing.assert_allclose(data.contact.solref[:, 1], fresh.geom("body").solref[1], rtol=1e-5)
+
+
+def test_what_adds_to_the_mass_is_said(tmp_path):
+    said = "\n".join(patch(tmp_path, HULL, HULL + LID + DOOR).left_out)
+    assert "body lid: has no joint" in said and "body in line 10: has no joint" in said
+    assert "door" not in said and "knob" not in said
+    assert "no joint" not in "\n".join(patch(tmp_path).left_out)
+    settings = 'settotalmass="2" boundmass="0.1" boundinertia="0"'
+    said = "\n".join(patch(tmp_path, "<compiler", f"<compiler {settings}").left_out)
+    assert "compiler settotalmass 2: " in said and "compiler boundmass 0.1: " in said and "boundinertia" not in said
+
+
+@pytest.mark.parametrize(
+    "tag, attributes, said", [("include", 'file="x.xml"', "not read"), ("replicate", 'count="2"', "not patched")]
+)
+def test_geoms_that_are_not_read_are_named(tag, attributes, said, tmp_path):
+    inner = f"<{tag} {attributes}/>" if tag == "include" else f"<{tag} {attributes}>{HULL}</{tag}>"
+    with pytest.raises(UserError, match=f"no geom that can touch; <{tag}>: .*{said}; write its geoms into the body"):
+        patch(tmp_path, HULL, inner)
