@@ -20,6 +20,7 @@ points; of rotations that are equal by a symmetry of the body, the one nearest t
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from scipy.optimize import least_squares
@@ -202,7 +203,8 @@ class _Fit:
 
     def fitted(self, R: np.ndarray, x: np.ndarray, loss: str | Callable[[np.ndarray], np.ndarray]):
         x = np.r_[np.zeros(3), x[3:]]
-        found = least_squares(self.residuals, x, args=(R,), loss=loss, x_scale="jac", max_nfev=25)
+        options: dict[str, Any] = {"loss": loss, "x_scale": "jac", "max_nfev": 25}
+        found = least_squares(self.residuals, x, args=(R,), **options)
         return found.cost, Rotation.from_rotvec(found.x[:3]).as_matrix() @ R, found.x, found.jac
 
     def begun(self, R: np.ndarray):
