@@ -109,3 +109,7 @@ def test_momentum_follows_from_the_impulse() -> None:
     wrong = Lighter(RIGHT.name, RIGHT.title, RIGHT.impulse, RIGHT.promises, RIGHT.reference)
     (outcome,) = outcomes([one for one in LAW_CHECKS if "follows from its impulse" in one.name], wrong)
     assert outcome.verdict == "FAIL"
+    for dimensions in (3, frozenset({4}), frozenset()):
+        law = replace(CONE, dimensions=dimensions)
+        (outcome,) = outcomes(checks_of(law), law)
+        assert outcome.verdict == "FAIL" and "dimensions must be" in outcome.reason

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from thesis_lib.effects import EFFECTS
-from thesis_lib.effects.effect import Effect, Parameter
+from thesis_lib.effects.effect import ONLY_SPACE, Effect, Parameter
 from thesis_lib.extensions.contract import CheckResult, outcomes
-from thesis_lib.extensions.effect_contract import EFFECT_CHECKS
+from thesis_lib.extensions.effect_contract import EFFECT_CHECKS, checks_of
 
 H = Parameter("h", "1", null=0.0, low=-0.5, high=0.5, scale=0.1)
 
@@ -143,6 +143,36 @@ class WrongChannel(Right):
     channels = ("speed",)
 
 
+class OfNoSpace(Right):
+    dimensions = frozenset({4})
+
+
+class NoSetOfSpaces(Right):
+    dimensions = 3
+
+
+class InSpace(Right):
+    dimensions = ONLY_SPACE
+
+
+class OtherChannelInSpace(InSpace):
+    channels = ("impact", "flight")
+
+
+class NothingInSpace(Nothing):
+    dimensions = ONLY_SPACE
+
+
+class SlidesInSpace(InSpace):
+    channels = ("slide",)
+
+    def coefficients(self, mu, epsilon, contact, state, p, rig):
+        return mu, epsilon
+
+    def sliding(self, mu, contact, state, p, rig):
+        return mu * (1.0 + p["h"])
+
+
 @pytest.mark.parametrize(
     ("wrong", "check", "says"),
     [
@@ -172,6 +202,21 @@ class WrongChannel(Right):
 def test_a_mistake_is_found_and_named(wrong: type[Effect], check: str, says: str) -> None:
     (outcome,) = outcomes([one for one in EFFECT_CHECKS if check in one.name], wrong())
     assert outcome.verdict == "FAIL" and re.search(says, outcome.reason), outcome
+
+
+@pytest.mark.parametrize("wrong", [OfNoSpace, NoSetOfSpaces])
+def test_an_effect_is_defined_in_the_plane_or_in_space(wrong: type[Effect]) -> None:
+    (outcome,) = outcomes(checks_of(wrong()), wrong())
+    assert outcome.verdict == "FAIL" and "they must be {2}, {3} or {2, 3}" in outcome.reason
+
+
+@pytest.mark.parametrize(
+    ("effect", "verdict"),
+    [(InSpace, "pass"), (SlidesInSpace, "pass"), (OtherChannelInSpace, "FAIL"), (NothingInSpace, "to do")],
+)
+def test_an_effect_of_space_alone_acts_in_its_channels(effect: type[Effect], verdict: str) -> None:
+    (outcome,) = [o for o in outcomes(checks_of(effect()), effect()) if "declared channels" in o.check]
+    assert outcome.verdict == verdict
 
 
 def test_an_effect_without_mistakes_passes_all_but_the_table_of_symbols() -> None:

@@ -87,21 +87,38 @@ def test_a_camera_reports_the_tracked_point_and_not_the_centre_in_its_wrong_axes
     np.testing.assert_allclose(seen.omega, -states.omega, atol=ROUNDING)
 
 
-@pytest.mark.parametrize("reading, P", [(1.0, [1, -1, -1, -1]), (4.0, [1, 1, -1, 1])])
-def test_a_quaternion_is_misread_after_the_tracked_frame_is_fixed_to_the_body(reading: float, P: list[int]) -> None:
-    """q of the file is P q(R_WS exp(d) R_ST)."""
+def seen_in_space(others: dict[str, dict[str, float]]) -> tuple[Rotation, Rotation]:
+    """Attitudes R(q) of the tracked frame, as reported with these effects and with an offset, and with the offset only.
+
+    The tracked frame is turned in the body, the offset is R_WS exp(d) R_ST, and the recording's axes are oblique.
+    """
     d, (world, mark) = np.array([0.05, -0.03, 0.2]), Rotation.random(2, rng=np.random.default_rng(7))
     tracked = Frame(np.array([0.01, -0.02, 0.03]), mark.as_quat(scalar_first=True))
     rig = replace(BOX, tracked=tracked, world=world.as_quat(scalar_first=True))
-    states, names = tumbling_boxes(N, np.random.default_rng(8)), ("d_rx", "d_ry", "d_rz")
-    values = {"mu": MU, "epsilon": EPSILON, "misread_rotation.reading": reading}
-    values |= {f"angle_offset.{name}": value for name, value in zip(names, d)}
-    model = Model(LAWS["mirtich"], (EFFECTS["misread_rotation"], EFFECTS["angle_offset"]), space=SPACE)
-    seen = bind(model, values, rig).to_measured(states)
+    states = tumbling_boxes(N, np.random.default_rng(8))
+    given = others | {"angle_offset": dict(zip(("d_rx", "d_ry", "d_rz"), d))}
+    values = {f"{name}.{key}": value for name, p in given.items() for key, value in p.items()}
+    model = Model(LAWS["mirtich"], tuple(EFFECTS[name] for name in given), space=SPACE)
+    seen = bind(model, {"mu": MU, "epsilon": EPSILON} | values, rig).to_measured(states)
     body, measured = (Rotation.from_quat(one.attitude.T, scalar_first=True) for one in (states, seen))
-    q = (world * body * Rotation.from_rotvec(d) * mark).as_quat(scalar_first=True) * P
-    off = Rotation.from_quat(q, scalar_first=True).inv() * world * measured * mark
+    return world * measured * mark, world * body * Rotation.from_rotvec(d) * mark
+
+
+@pytest.mark.parametrize("reading, P", [(1.0, [1, -1, -1, -1]), (4.0, [1, 1, -1, 1])])
+def test_a_quaternion_is_misread_after_the_tracked_frame_is_fixed_to_the_body(reading: float, P: list[int]) -> None:
+    """q of the file is P q(R_WS exp(d) R_ST)."""
+    seen, fixed = seen_in_space({"misread_rotation": {"reading": reading}})
+    q = fixed.as_quat(scalar_first=True) * P
+    off = Rotation.from_quat(q, scalar_first=True).inv() * seen
     np.testing.assert_allclose(off.magnitude(), 0.0, atol=1e-9)
+
+
+@pytest.mark.parametrize("axis", [1, 2, 3])
+def test_in_space_the_attitude_of_the_tracked_frame_is_mirrored(axis: int) -> None:
+    """R of the file is M R_WS exp(d) R_ST M, so that d is the offset that is to be corrected in dataset.yaml."""
+    seen, fixed = seen_in_space({"mirrored_rotation": {"mirrored_axis": float(axis)}})
+    M = np.diag(np.where(np.arange(1, 4) == axis, -1.0, 1.0))
+    np.testing.assert_allclose(seen.as_matrix(), M @ fixed.as_matrix() @ M, atol=1e-9)
 
 
 @pytest.mark.parametrize("name", ["wear", "position_dependent_restitution", "velocity_dependent_restitution"])

@@ -185,6 +185,16 @@ def test_a_law_of_ones_own_is_tried(tmp_path):
     assert added_laws() == ("my_law",) and world.added_laws is added_laws and "my_law" not in CANDIDATE_LAWS
 
 
+def test_a_law_may_be_built_on_one_of_the_library(tmp_path):
+    text = """from dataclasses import replace
+from thesis_lib.contact import LAWS
+from thesis_lib.effects import EFFECTS
+LAW = replace(LAWS["mirtich"], name="own", title="own")
+"""
+    loaded = read_file(written(tmp_path, text), say=lambda text: None)
+    assert [law.name for law in loaded.laws] == ["own"] and loaded.effects == ()
+
+
 def test_names_that_mean_something_else_are_those_of_the_critique():
     assert all(RESERVED.fullmatch(name) for name in BASES if name not in CANDIDATE_LAWS)
 

@@ -271,6 +271,7 @@ class Effect:
         even: whether its part of the acceleration in flight depends on angle and spin only and changes no spin.
         along: which of x, t and trial, in space also y, it counts from `rig.reference`.
         rank: its position in the order in which effects act; see `in_order`.
+        rank_in_space: that in space, if it differs.
         dimensions: 2 if it is defined in the plane, 3 if it is defined in space.
         vectors: names of vector parameters: “c” stands for c_x and c_y, in space also c_z.
         own_in_space: parameters in space, if they differ from those that follow from `vectors`.
@@ -299,6 +300,7 @@ class Effect:
     even: bool = False
     along: tuple[Coordinate, ...] = ()
     rank: int = 0
+    rank_in_space: int | None = None
     dimensions: frozenset[int] = IN_PLANE
     vectors: tuple[str, ...] = ()
     own_in_space: tuple[Parameter, ...] = ()
@@ -463,8 +465,8 @@ def vector(p: Parameters, names: Iterable[str]) -> np.ndarray:
     return np.array(parts)[:, None]
 
 
-def in_order(effects: Iterable[Effect]) -> list[Effect]:
-    """Effects in the order in which they act: by rank, then by family and name.
+def in_order(effects: Iterable[Effect], space: Space = PLANE) -> list[Effect]:
+    """Effects in the order in which they act in this space: by rank, then by family and name.
 
     Two effects that do not commute need different ranks.  From the impact to the recording:
 
@@ -483,4 +485,9 @@ def in_order(effects: Iterable[Effect]) -> list[Effect]:
     | 8    | moving_surface              | its velocity is along the surface, whose axes others may have turned    |
     | 10…  | measurement                 | from the tracked point, by camera and scale, to the recording's axes    |
     """
-    return sorted(effects, key=lambda effect: (effect.rank, FAMILIES.index(effect.family), effect.name))
+
+    def place(effect: Effect) -> tuple[int, int, str]:
+        own = None if space.is_plane else effect.rank_in_space
+        return effect.rank if own is None else own, FAMILIES.index(effect.family), effect.name
+
+    return sorted(effects, key=place)

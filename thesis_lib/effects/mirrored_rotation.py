@@ -37,6 +37,7 @@ class MirroredRotation(Effect):
     channels = ("impact", "touch")
     needs_angle = True
     rank = 80
+    rank_in_space = 92  # R is the attitude of the tracked frame, however it is fixed to the body
     dimensions = IN_SPACE
     reference = "handedness of axes"
 

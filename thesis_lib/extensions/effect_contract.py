@@ -6,6 +6,7 @@ states of `effect_probe`.
 
 import inspect
 import math
+from collections.abc import Collection
 from dataclasses import replace
 
 import numpy as np
@@ -96,6 +97,8 @@ def declared(effect: Effect) -> str:
     """Check family, channels, and parameters with sensible limits."""
     if not effect.title or not effect.equation:
         return "title and equation must describe the effect"
+    if not _spaces(effect):
+        return f"dimensions are {effect.dimensions!r}; they must be {{2}}, {{3}} or {{2, 3}}"
     if effect.family not in FAMILIES:
         return f"family is {effect.family!r}; it must be one of {', '.join(FAMILIES)}"
     if not effect.channels or not set(effect.channels) <= set(CHANNELS):
@@ -105,6 +108,13 @@ def declared(effect: Effect) -> str:
         return "parameters must contain at least one Parameter, and their names must differ"
     everything = (*effect.parameters, *effect.own_in_space)
     return next((f"parameter {p.name}: {why}" for p in everything if (why := _bad_limits(p))), "")
+
+
+def _spaces(effect: Effect) -> frozenset[int]:
+    """Dimensions in which the effect is defined; empty if its `dimensions` are not 2, 3 or both."""
+    given = effect.dimensions
+    known = isinstance(given, Collection) and set(given) <= {PLANE.dimension, SPACE.dimension}
+    return frozenset(given) if known else frozenset()
 
 
 def _bad_limits(p: Parameter) -> str:
@@ -225,16 +235,16 @@ def _sizes(effect: Effect) -> tuple[dict[str, float], bool]:
 
     Contacts have a duration only for effects on the contact time: else changes of the impact would change the touch.
     """
-    rig = RIGS["quadrilateral"]
-    states = _states(rig, 6)
+    rig, states = _scene(effect)
+    space = states.space
     timed = type(effect).contact_time is not Effect.contact_time
     tau = TAU if timed else 0.0
-    made, base = (predict(on, states, rig, contact_time=tau) for on in ([(effect, at_scale(effect))], []))
+    made, base = (predict(on, states, rig, contact_time=tau) for on in ([(effect, at_scale(effect, space))], []))
     sizes = {}
     for channel in CHANNELS:
-        change = np.abs(made[channel] - base[channel]).reshape(N, -1)
+        change = np.abs(made[channel] - base[channel]).reshape(len(states), -1)
         if channel in ("impact", "flight"):
-            change = change * [1.0, 1.0, rig.k_g]
+            change = change * np.repeat([1.0, rig.k_g], [space.dimension, space.turns])
         each = np.sum(change**2, axis=1)
         # rotation during a contact is of second order, except if it brings another corner into contact
         mean = np.median if timed and channel not in effect.channels else np.mean
@@ -242,10 +252,18 @@ def _sizes(effect: Effect) -> tuple[dict[str, float], bool]:
     return sizes, timed
 
 
+def _scene(effect: Effect) -> tuple[Rig, State]:
+    """Rig and states in the plane, or in space for effects that are defined there only."""
+    if PLANE.dimension in effect.dimensions:
+        return RIGS["quadrilateral"], _states(RIGS["quadrilateral"], 6)
+    return RECORDED_BOX, tumbling_boxes(FEW, np.random.default_rng(6))
+
+
 def acts_in_its_channels(effect: Effect) -> str:
     """Check that at its scale it changes its declared channels by more than data resolve, and no other channel."""
-    if not effect.applies_to(RIGS["quadrilateral"]):
-        return "applies_to refuses a polygon with four corners, which the checks of effects need"
+    if not effect.applies_to(_scene(effect)[0]):
+        body = "polygon with four corners" if PLANE.dimension in effect.dimensions else "box"
+        return f"applies_to refuses a {body}, which the checks of effects need"
     sizes, timed = _sizes(effect)
     if not any(sizes.values()):
         stages = [name for name, of in vars(Effect).items() if callable(of) and not name.startswith("_")]
@@ -399,12 +417,23 @@ EFFECT_CHECKS: tuple[Check[Effect], ...] = (
     Check("acts the same in whatever order effects are added", in_any_order),
 )
 # checks for every space in which the effect is defined; the other checks are for the plane
-ANYWHERE = (declared, described, absent_at_null, has_inverses, keeps_arguments, takes_arrays, finite_in_bounds)
+ANYWHERE = (
+    declared,
+    described,
+    absent_at_null,
+    has_inverses,
+    keeps_arguments,
+    takes_arrays,
+    finite_in_bounds,
+    acts_in_its_channels,
+)
 
 
 def checks_of(effect: Effect) -> tuple[Check[Effect], ...]:
     """Checks that apply to an effect, by the dimensions in which it is defined."""
-    checks = EFFECT_CHECKS
-    if PLANE.dimension not in effect.dimensions:
+    checks, spaces = EFFECT_CHECKS, _spaces(effect)
+    if not spaces:
+        return tuple(check for check in checks if check.find is declared)
+    if PLANE.dimension not in spaces:
         checks = tuple(check for check in checks if check.find in ANYWHERE)
-    return (*checks, *SPACE_EFFECT_CHECKS) if SPACE.dimension in effect.dimensions else checks
+    return (*checks, *SPACE_EFFECT_CHECKS) if SPACE.dimension in spaces else checks

@@ -145,7 +145,7 @@ def predict(active: Active, measured: State, rig: Rig, contact_time: float = 0.0
     """Prediction of the critique's model in each channel, from measured states before the impact.
 
     impact: velocity after it; meet: jump of the pose; flight: acceleration, (n, d + turns) each; touch: gap (n,) at it;
-    slide: in the plane, acceleration (n,) along the surface if the body were supported.
+    slide: acceleration (n,), in space (n, 2), along the surface if the body were supported.
     Effects act in the order of `in_order`, whatever the order of `active`; `contact_time` is τ in s.
     """
     of_active = tuple(effect for effect, _ in active)
@@ -154,10 +154,10 @@ def predict(active: Active, measured: State, rig: Rig, contact_time: float = 0.0
     values |= {f"{effect.name}.{name}": value for effect, p in active for name, value in p.items()}
     dynamics = Dynamics(model, values, rig)
     after, depth = dynamics.strike(measured)
-    made = {
+    return {
         "impact": after.v,
         "meet": dynamics.jump(measured, after),
         "touch": dynamics.gap(dynamics.to_true(measured)) + depth,
         "flight": dynamics.acceleration(measured),
+        "slide": dynamics.sliding(dynamics.to_true(measured)).T,
     }
-    return made | {"slide": dynamics.sliding(dynamics.to_true(measured))} if measured.space.is_plane else made

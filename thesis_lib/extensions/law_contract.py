@@ -69,11 +69,15 @@ def declared(law: Law) -> str:
     for field in ("breaks", "breaks_in_space"):
         if wrong := [promise for promise, rate in getattr(law, field).items() if not 0.0 < rate <= 1.0]:
             return f"{field} must give shares above 0 and at most 1; wrong for {_names(wrong)}"
-    if not law.dimensions or not law.dimensions <= {2, 3}:
+    if not _has_dimensions(law):
         return "dimensions must be {2}, {3} or {2, 3}"
     if 3 in law.dimensions and (missing := law.breaks.keys() - law.breaks_in_space.keys()):
         return f"breaks_in_space must state how often it breaks {_names(missing)} in space"
     return ""
+
+
+def _has_dimensions(law: Law) -> bool:
+    return isinstance(law.dimensions, frozenset | set) and bool(law.dimensions) and law.dimensions <= {2, 3}
 
 
 def _names(promises) -> str:
@@ -299,5 +303,7 @@ SPACE_CHECKS: tuple[Check[Law], ...] = (
 
 def checks_of(law: Law) -> tuple[Check[Law], ...]:
     """Checks that apply to a law, by the dimensions in which it holds."""
+    if not _has_dimensions(law):
+        return LAW_CHECKS[:1]
     in_plane = LAW_CHECKS if 2 in law.dimensions else LAW_CHECKS[:1]
     return (*in_plane, *SPACE_CHECKS) if 3 in law.dimensions else in_plane

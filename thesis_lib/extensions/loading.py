@@ -26,9 +26,9 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 from types import ModuleType
 
-from thesis_lib.contact import Law
+from thesis_lib.contact import LAWS, Law
 from thesis_lib.datasets.format.folder import holds_data
-from thesis_lib.effects import Effect
+from thesis_lib.effects import EFFECTS, Effect
 from thesis_lib.extensions import effect_contract, law_contract
 from thesis_lib.extensions.contract import CheckResult, outcomes, raised
 from thesis_lib.extensions.registry import PACKAGE, VERSION, Loaded, Origin, add, contents, require_free
@@ -111,6 +111,7 @@ def _held(module: ModuleType, origin: Origin) -> Loaded:
     found: list[tuple] = []
     for one, several, kind in KINDS:
         values = _as_tuple(getattr(module, one, ())) + _as_tuple(getattr(module, several, ()))
+        values = tuple(value for value in values if value is not LAWS and value is not EFFECTS)  # imported to build on
         for value in values:
             if not isinstance(value, kind):
                 hint = "; create an instance with (): EFFECT = MyEffect()" if isinstance(value, type) else ""

@@ -87,7 +87,7 @@ class Model:
         first, last = ([e for e in self.always if (e.family == "measurement") == late] for late in (False, True))
         return [
             (e, {p.name: p.name if e in self.always else f"{e.name}.{p.name}" for p in self.parameters_of(e)})
-            for e in [*first, *in_order(self.effects), *last]
+            for e in [*first, *in_order(self.effects, self.space), *last]
         ]
 
     def acting(self, *hooks: str) -> list[Effect]:

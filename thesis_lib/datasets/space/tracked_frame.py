@@ -18,7 +18,9 @@ points; of rotations that are equal by a symmetry of the body, the one nearest t
 | n_S      | `stands`  | 1    | (m, 3) | S: directions that are up where the body stands                   |
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from scipy.optimize import least_squares
@@ -135,8 +137,8 @@ class _Fit:
         self.frame = Frame.of_surface(np.zeros(3), against if normal is None else normal)
         self.axes = self.frame.vectors_out(np.eye(3))  # columns: t_1, t_2, n
         stated = body.uncertainty.center_of_mass if body.uncertainty else None
-        spread = np.eye(3) * (stated or CENTRE * self.solid.extent) ** 2
-        self.e_root = np.linalg.inv(np.linalg.cholesky(falls.covariance[:3, :3] + spread))
+        self.spread = stated or CENTRE * self.solid.extent
+        self.e_root = np.linalg.inv(np.linalg.cholesky(falls.covariance[:3, :3] + np.eye(3) * self.spread**2))
         self.sigma = np.where(met.rests, *FIRST[:1] * 2), np.full(int(met.rests.sum()), FIRST[1])
         self.used = np.ones(len(met.rests), bool)
 
@@ -161,9 +163,18 @@ class _Fit:
         rests = self.used[self.met.rests]
         gaps = (self.gaps(turned, x) / self.sigma[0])[self.used]
         slants = (self.slants(turned, x) / self.sigma[1][:, None])[rests]
+        return np.concatenate([gaps, slants.ravel(), self.known(x)])
+
+    def known(self, x: np.ndarray) -> np.ndarray:
+        """Residuals of what is known without touches: above all the centre of mass, by the flights and as stated."""
         fixed = x[:3][self.symmetry.axes] / OPEN[0]
-        weak = np.r_[self.e_root @ x[3:6], x[7:9] / SLOPE, x[9] / SINKING, x[:3] / np.pi, fixed]
-        return np.concatenate([gaps, slants.ravel(), weak])
+        return np.r_[self.e_root @ x[3:6], x[7:9] / SLOPE, x[9] / SINKING, x[:3] / np.pi, fixed]
+
+    def odd_touches(self, z: np.ndarray) -> np.ndarray:
+        """Loss function of squares z: that of Cauchy for touches, which may be of other objects, else none."""
+        touch = np.arange(len(z)) < len(z) - len(self.known(np.zeros(10)))
+        rate = np.where(touch, 1.0 / (1.0 + z), 1.0)
+        return np.stack([np.where(touch, np.log1p(z), z), rate, np.where(touch, -(rate**2), 0.0)])
 
     def starts(self) -> list[np.ndarray]:
         """Starting rotations (3, 3): the best of many, no two alike."""
@@ -190,9 +201,10 @@ class _Fit:
         """Least angle in rad between two rotations, up to the symmetry of the body."""
         return float(np.arccos(np.clip((np.trace(self.symmetry.nearest(one, other) @ other.T) - 1.0) / 2.0, -1.0, 1.0)))
 
-    def fitted(self, R: np.ndarray, x: np.ndarray, loss: str):
+    def fitted(self, R: np.ndarray, x: np.ndarray, loss: str | Callable[[np.ndarray], np.ndarray]):
         x = np.r_[np.zeros(3), x[3:]]
-        found = least_squares(self.residuals, x, args=(R,), loss=loss, x_scale="jac", max_nfev=25)
+        options: dict[str, Any] = {"loss": loss, "x_scale": "jac", "max_nfev": 25}
+        found = least_squares(self.residuals, x, args=(R,), **options)
         return found.cost, Rotation.from_rotvec(found.x[:3]).as_matrix() @ R, found.x, found.jac
 
     def begun(self, R: np.ndarray):
@@ -211,8 +223,9 @@ class _Fit:
             turn = max(float(np.median(slants)) / 1.18, LEAST[1]) if len(slants) else 1.0
             self.sigma = np.where(rests, size[1], size[0]), np.full(len(slants), turn)
             _, R, x, _ = self.fitted(R, x, "cauchy")
-        best = self.fitted(R, x, "cauchy")[0]
-        others = [self.fitted(one[1], one[2], "cauchy") for one in candidates[1:6]]
+        # a centre of mass off the middle tells apart what the shape does not
+        best = self.fitted(R, x, self.odd_touches)[0]
+        others = [self.fitted(one[1], one[2], self.odd_touches) for one in candidates[1:6]]
         rivals = [other for other in others if other[0] - best < CHANCE / 2.0 and self.angle(other[1], R) > APART]
         self.used = np.abs(self.gaps(R, x)) < ODD * self.sigma[0]
         self.used[rests] &= np.linalg.norm(self.slants(R, x), axis=1) < ODD * self.sigma[1]
@@ -232,7 +245,7 @@ class _Fit:
         cov = np.linalg.inv(jac.T @ jac) * max(1.0, 2.0 * cost / max(free, 1)) + self.left_out(R, x)
         fixed = self.symmetry.axes
         cov[fixed], cov[:, fixed] = 0.0, 0.0
-        return self.told(R, x, cov, gravity, [self.angle(rival[1], R) for rival in rivals])
+        return self.told(R, x, cov, gravity, [rival[1] for rival in rivals])
 
     def left_out(self, R: np.ndarray, x: np.ndarray) -> np.ndarray:
         """Covariance (10, 10) of the unknowns by the jackknife: fits without each of `PARTS` parts."""
@@ -243,7 +256,10 @@ class _Fit:
         self.used = used
         return (PARTS - 1.0) * np.cov(np.array(found).T, bias=True)
 
-    def told(self, R: np.ndarray, x: np.ndarray, cov: np.ndarray, gravity: float, rivals: list[float]) -> TrackedFrame:
+    def told(
+        self, R: np.ndarray, x: np.ndarray, cov: np.ndarray, gravity: float, rivals: list[np.ndarray]
+    ) -> TrackedFrame:
+        turns = [self.angle(rival, R) for rival in rivals]
         falls, n, axes = self.falls, self.normal(x), self.symmetry.axes
         r = R @ (falls.centre + x[3:6])  # d = c_S − R (c_T + e)
         by = np.zeros((3, 10))
@@ -262,13 +278,19 @@ class _Fit:
                     direction = ", ".join(f"{part:.2f}" for part in vector + 0.0)
                     told.append(f"the {name} ({direction}) of the shape is known to {np.sqrt(value):.2g} {unit} only")
         if rivals:
-            told.append(f"the data fit as well with the shape turned by {np.degrees(rivals[0]):.0f}°")
+            told.append(f"the data fit as well with the shape turned by {np.degrees(turns[0]):.0f}°")
+            of_shape = Symmetry(self.body.solid, np.eye(3)).nearest(rivals[0], R)
+            if Rotation.from_matrix(of_shape @ R.T).magnitude() < APART:
+                told[-1] += (
+                    f", which moves only its centre of mass (taken as known within {1e3 * self.spread:.2g} mm: "
+                    "body.uncertainty.center_of_mass)"
+                )
         free = [i for i in range(3) if i not in axes] or [0]
         q = Rotation.from_matrix(R).as_quat(scalar_first=True, canonical=True)
         one = float(self.sigma[0][self.used].min())  # touches may err together, by as much as one of them
         error = {
             "position": float(np.hypot(np.sqrt(np.linalg.eigvalsh(place)[-1]), one)),
-            "rotation": float(max(np.hypot(np.sqrt(np.diag(turn)[free].max()), one / self.solid.extent), *rivals, 0.0)),
+            "rotation": float(max(np.hypot(np.sqrt(np.diag(turn)[free].max()), one / self.solid.extent), *turns, 0.0)),
         }
         tracked = Tracked.model_validate(
             {"position": tuple((self.body.centre - r).tolist()), "quaternion": tuple(q.tolist()), "uncertainty": error}
