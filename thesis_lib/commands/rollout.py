@@ -40,7 +40,8 @@ With --fit the named parameters, first fitted to hits, are fitted to the whole t
 out; the last column then compares both models on the held-out tosses.
 
 With --mjcf the same tosses are also simulated with your own files, from the same initial states. A file needs a body
-with a free joint, in whose frame the shape lies as in dataset.yaml, and exactly one plane.
+with a free joint, in whose frame the shape lies as in dataset.yaml, and exactly one plane. If a file has several free
+bodies, --body names the one to toss: one name for all files, or one for each, in order.
 """
 EXAMPLES = """\
 examples:
@@ -48,7 +49,8 @@ examples:
   thesis-lib rollout out/model.json data/tosses --start first_frame -o out
   thesis-lib rollout out/model.json data/tosses --against plain/model.json      which model is better?
   thesis-lib rollout out/model.json data/tosses --fit mu epsilon -o out/fitted
-  thesis-lib rollout out/model.json data/tosses --mjcf mine.xml better.xml --body box
+  thesis-lib rollout out/model.json data/tosses --mjcf mine.xml exported.xml
+  thesis-lib rollout out/model.json data/tosses --mjcf scene.xml mine.xml --body box block
   thesis-lib rollout model.json data/tosses --all --json | jq .contactnets
 """
 ERRORS = "errors.csv"  # in the folder of model.json: lists the trials that the critique held out
@@ -69,7 +71,8 @@ def rollout(argv: Sequence[str] | None = None) -> int:
     parser.add_argument(
         "--mjcf", metavar="FILE", nargs="+", default=[], help="also simulate the tosses in MuJoCo with these files"
     )
-    parser.add_argument("--body", metavar="NAME", help="name of the body in the files of --mjcf")
+    body = "body in the files of --mjcf, one name for all or one for each; default: the only free body"
+    parser.add_argument("--body", metavar="NAME", nargs="+", default=[], help=body)
     parser.add_argument(
         "-o",
         "--out",
@@ -80,8 +83,11 @@ def rollout(argv: Sequence[str] | None = None) -> int:
     parser.add_argument("-q", "--quiet", action="store_true", help="print only errors to stderr")
     add_option(parser)
     args = parser.parse_args(argv)
-    if bool(args.mjcf) != bool(args.body):
-        raise UserError("--mjcf FILE and --body NAME belong together: give both, the files and the body in them.")
+    if len(args.body) not in ({0, 1, len(args.mjcf)} if args.mjcf else {0}):
+        raise UserError(
+            f"--body has {len(args.body)} names and --mjcf {len(args.mjcf)} files: give one name for all files, or one "
+            "for each."
+        )
     if args.fit and (args.all or args.against):
         raise UserError(
             "--fit compares the fitted model with the original one on the tosses that the critique held out: "
@@ -127,9 +133,10 @@ def rollout(argv: Sequence[str] | None = None) -> int:
             from thesis_lib.foundation.files import six_digits
 
             content["files"] = {}
-            for path in args.mjcf:
+            names = args.body * len(args.mjcf) if len(args.body) == 1 else args.body or [None] * len(args.mjcf)
+            for path, body in zip(args.mjcf, names, strict=True):
                 say(path)
-                moves = TossesInFile(path, args.body, model).toss  # pyright: ignore[reportArgumentType]
+                moves = TossesInFile(path, body, model).toss  # pyright: ignore[reportArgumentType]
                 tosses = rolled_out_by(moves, model, data, trials, args.start, say)  # pyright: ignore[reportArgumentType]
                 rng = generator(SEED, "rollout", "intervals")
                 name = path if Path(path).name in content["files"] else Path(path).name
