@@ -21,9 +21,9 @@ if TYPE_CHECKING:
 
 ROLLOUT = """\
 Simulate measured tosses with a model.json, from the initial state to the last frame, and compare all frames. Only
-tosses held out by the critique, unless --all. Each row is an error averaged over the frames of a toss and then over
-tosses, with its 95 % interval. Δp and Δθ are the errors of position and rotation in a frame, w the mean width of the
-body:
+tosses held out by the critique (with --against, by both), unless --all. Each row is an error averaged over the frames
+of a toss and then over tosses, with its 95 % interval. Δp and Δθ are the errors of position and rotation in a frame, w
+the mean width of the body:
 
   contactnets pos_int_percent          |Δp| in % of w; these three are the metrics of ContactNets, arXiv:2009.11193
   contactnets angle_int_deg            |Δθ| in degrees
@@ -109,7 +109,9 @@ def rollout(argv: Sequence[str] | None = None) -> int:
         model, data = load_named(args.model), read_dataset(args.data)
         other = load_named(args.against) if args.against else None
         _require_tosses(data, model, *filter(None, [other]))
-        trials = data.trials if args.all else held_out(args.model, data)
+        trials = data.trials.tolist() if args.all else held_out(args.model, data)
+        if other and not args.all:
+            trials = also_held_out(trials, args.against, {model.dataset, data.name}, other)
         if args.fit:
             from thesis_lib.critique.simulation.to_tosses import fit_to_tosses
 
@@ -175,7 +177,6 @@ def held_out(model: str, data: "Dataset") -> "Sequence[int]":
         UserError: the held-out trials are not recorded, or the dataset has none of them.
     """
     import numpy as np
-    import pandas as pd
 
     table = Path(model).parent / ERRORS
     if not table.is_file():
@@ -183,13 +184,38 @@ def held_out(model: str, data: "Dataset") -> "Sequence[int]":
             f"{table}, which lists the tosses that the critique held out, does not exist: give the model.json in the "
             "folder of its critique, or --all for all tosses."
         )
-    errors = pd.read_csv(table)
-    if (
-        "held_out" not in errors
-        or not (trials := np.intersect1d(data.trials, errors["trial"][errors["held_out"] == 1])).size
-    ):
+    trials = np.intersect1d(data.trials, _held_out_in(table))
+    if not trials.size:
         raise UserError(f"{data.name} has no toss that {table} lists as held out; --all takes all tosses.")
     return trials.tolist()
+
+
+def also_held_out(trials: "Sequence[int]", path: str, datasets: set[str], other: "SavedModel") -> "Sequence[int]":
+    """Those of `trials` that the critique of the other model held out, too; warnings where this is not known.
+
+    `datasets`: names of the dataset.  UserError if none is left.
+    """
+    table = Path(path).parent / ERRORS
+    if other.dataset not in datasets or not table.is_file():
+        where = (
+            f"was fitted to {other.dataset or 'unnamed data'}"
+            if other.dataset not in datasets
+            else f"lies where no {ERRORS} is"
+        )
+        print(f"warning: {path} {where}: it may have been fitted to some of these tosses, too", file=sys.stderr)
+        return trials
+    known = set(_held_out_in(table))
+    if not (both := [trial for trial in trials if trial in known]):
+        raise UserError(f"No toss was held out by the critiques of both models ({table}); --all takes all tosses.")
+    return both
+
+
+def _held_out_in(table: Path) -> "Sequence[int]":
+    """Trials that a table of errors lists as held out."""
+    import pandas as pd
+
+    errors = pd.read_csv(table)
+    return errors["trial"][errors["held_out"] == 1].tolist() if "held_out" in errors else []
 
 
 def as_table(content: Mapping) -> str:
