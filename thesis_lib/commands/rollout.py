@@ -53,6 +53,7 @@ examples:
   thesis-lib rollout out/model.json data/tosses --mjcf scene.xml mine.xml --body box block
   thesis-lib rollout model.json data/tosses --all --json | jq .contactnets
 """
+SAME_SHAPE = 0.01  # body extents by which shapes may differ; a corrected size differs by more
 ERRORS = "errors.csv"  # in the folder of model.json: lists the trials that the critique held out
 
 
@@ -108,7 +109,7 @@ def rollout(argv: Sequence[str] | None = None) -> int:
 
         model, data = load_named(args.model), read_dataset(args.data)
         other = load_named(args.against) if args.against else None
-        _require_tosses(data, model, *filter(None, [other]))
+        _require_tosses(data, {args.model: model} | ({args.against: other} if other else {}))
         trials = data.trials.tolist() if args.all else held_out(args.model, data)
         if other and not args.all:
             trials = also_held_out(trials, args.against, {model.dataset, data.name}, other)
@@ -243,16 +244,28 @@ def as_table(content: Mapping) -> str:
     return "\n".join(lines)
 
 
-def _require_tosses(data: "Dataset", *models: "SavedModel | SavedSpaceModel") -> None:
-    """Raise UserError unless all models and data are in space and the data have trajectories on one surface."""
-    for model in models:
+def _require_tosses(data: "Dataset", models: "Mapping[str, SavedModel | SavedSpaceModel]") -> None:
+    """Raise UserError unless all models, by file, and data are in space and the data have trajectories on one surface.
+
+    A warning names models of a body with another shape.
+    """
+    for path, model in models.items():
         if model.space.is_plane:
-            raise UserError(
-                f"{model.dataset or 'This model'} is a model of a body in a plane; rollout is for models in space."
-            )
+            raise UserError(f"{path} is a model of a body in a plane; rollout is for models in space.")
     if data.space.is_plane:
         raise UserError(f"{data.name} is a dataset in a plane (schema 1); rollout is for tosses in space (schema 2).")
     if data.trajectories is None:
         raise UserError(f"{data.name} has impacts without trajectories; rollout compares all frames of tosses.")
     if len(data.in_space.planes) > 1:
         raise UserError(f"{data.name} has several surfaces; rollout is for tosses onto one surface.")
+    import numpy as np
+
+    own = data.in_space.body.solid
+    turns = np.random.default_rng(SEED).standard_normal((4, 50))
+    turns /= np.linalg.norm(turns, axis=0)
+    for path, model in models.items():
+        solid = model.rig.body.solid  # pyright: ignore[reportAttributeAccessIssue]
+        off = float(np.abs(solid.lowest(turns)[2] - own.lowest(turns)[2]).max())
+        if off > SAME_SHAPE * own.extent:
+            said = f"has another shape than the body of {data.name}, by up to {off:.2g} m; its own is used"
+            print(f"warning: the body of {path} {said}", file=sys.stderr)

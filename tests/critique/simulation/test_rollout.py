@@ -1,6 +1,7 @@
 """Predicted against measured tosses: the metrics, the start and its covariance, the floor, comparisons and errors."""
 
 import json
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -217,6 +218,20 @@ def test_values_with_which_a_toss_has_no_solution_are_none(simulated, monkeypatc
     assert len(set(first)) > 3 and fitted.values["mu"] == 0.32
 
 
+def test_a_model_of_another_body_is_said(simulated, tmp_path, capsys):
+    model, data = simulated
+    write_dataset(data.first_trials(1), tmp_path / "set")
+    other = space_model(**COMPLIANT, shape={"kind": "box", "half_extents": (0.05, 0.04, 0.032)})
+    for one, said in (
+        (other, "has another shape than the body of set, by up to 0.002 m; its own is used"),
+        (model, ""),
+    ):
+        one.save(tmp_path / "model.json")
+        assert main(["rollout", str(tmp_path / "model.json"), str(tmp_path / "set"), "--all", "-q"]) == 0
+        err = capsys.readouterr().err
+        assert said in err and ("shape" in err) == bool(said)
+
+
 def test_what_cannot_be_rolled_out_is_refused(simulated, tmp_path, capsys):
     model, data = simulated
     plane, space, flat, given = (str(tmp_path / name) for name in ("plane.json", "model.json", "flat", "given"))
@@ -227,12 +242,19 @@ def test_what_cannot_be_rolled_out_is_refused(simulated, tmp_path, capsys):
     one = pd.DataFrame([[0, 0, 0.0, 0.0, 0.03, 1.0, 0.0, 0.0, 0.0, *[0.1] * 12]], columns=columns)
     write_dataset(replace(data, trajectories=None, impacts=one), given)
     for of, at, said in (
-        (plane, given, "model of a body in a plane"),
+        (plane, given, "plane.json is a model of a body in a plane"),
         (space, flat, "dataset in a plane"),
         (space, given, "impacts without trajectories"),
     ):
         assert main(["rollout", of, at, "--all", "-q"]) == 2
         assert said in capsys.readouterr().err
+    for of, at, said in (
+        (space, flat, "flat is in a plane .schema 1.; --like of a model in space needs tosses in space"),
+        (space, given, "given has impacts without trajectories; --like of a model in space needs tosses"),
+        (plane, given, "given is in space .schema 2.; --like of a planar model needs a planar dataset"),
+    ):
+        assert main(["simulate", of, "--like", at, "-o", str(tmp_path / "x"), "-q"]) == 2
+        assert re.search(said, capsys.readouterr().err)
     assert main(["simulate", space, "--engine", "drake", "-o", str(tmp_path / "x"), "-q"]) == 2
     assert "planar models" in capsys.readouterr().err
     assert main(["simulate", plane, "--duration", "1", "-o", str(tmp_path / "x"), "-q"]) == 2

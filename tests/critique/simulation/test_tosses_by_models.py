@@ -139,7 +139,7 @@ def test_the_camera_scales_turns_from_the_first_frame_on():
     np.testing.assert_allclose(SPACE.turn_between(seen.attitude[:, :1], seen.attitude[:, -1:])[2], 1.1 * 2.4, rtol=1e-9)
 
 
-def test_simulate_writes_what_the_camera_reports_of_given_states(tmp_path):
+def test_simulate_writes_what_the_camera_reports_of_given_states(tmp_path, capsys):
     rig = {"tracked": {"position": (0.02, 0.01, 0.03), "quaternion": (0.8, 0.6, 0.0, 0.0)}}
     model = space_model(rig=rig, **{"length_scale.s_L": 0.02})
     model.save(tmp_path / "model.json")
@@ -147,13 +147,18 @@ def test_simulate_writes_what_the_camera_reports_of_given_states(tmp_path):
     states.columns = ["trial", *POSE_IN_SPACE, "vx", "vy", "vz", "wx", "wy", "wz"]
     states.to_csv(tmp_path / "states.csv", index=False)
     command = ["simulate", str(tmp_path / "model.json"), str(tmp_path / "states.csv"), "--duration", "0.3", "-q"]
-    assert main([*command, "-o", str(tmp_path / "made")]) == 0
+    assert main([*command, "-o", str(tmp_path / "made")]) == 0 and not capsys.readouterr().err
     made = read_dataset(tmp_path / "made")
     table = made.trajectories
     assert made.trials.tolist() == [4] and len(table) == 73
     np.testing.assert_allclose(table[list(POSE_IN_SPACE)].iloc[0], states[list(POSE_IN_SPACE)].iloc[0], atol=1e-6)
     step = table[["x", "y"]].diff().iloc[1].to_numpy() / table["t"].iloc[1]
     np.testing.assert_allclose(step, [1.0, 0.5], atol=0.3)  # the tracked point circles about the centre of mass
+    states.assign(z=0.01).to_csv(tmp_path / "states.csv", index=False)
+    capsys.readouterr()
+    assert main([*command, "-o", str(tmp_path / "deep")]) == 0
+    warned = capsys.readouterr().err
+    assert re.search(r"states.csv: 1 of 1 toss.es. begin in the surface, toss 4 by 0.0\d+ m; check height", warned)
     with pytest.raises(UserError, match="lack the column"):
         simulate_in_space(model, states=states.drop(columns="wx"), rng=np.random.default_rng(0))
     with pytest.raises(UserError, match="one row for each toss"):
