@@ -313,6 +313,7 @@ def test_what_is_too_slow_for_flights_is_refused_with_that_reason(tmp_path, caps
     assert init(tmp_path, slow, *options, "--up", "-x")[0] == 2
     said = capsys.readouterr().err
     assert "At 30 Hz a flight has few samples, and two hits often lie within one step (33 ms)" in said
+    assert "fall freely for 8 frames (0.27 s) or more are read at this rate, too: critique then shows gravity" in said
     assert too_slow(60.0) == ""
     # heights that were smoothed fall slower than anything that is let go
     z = slow.groupby("trial")["z"].transform(lambda z: z.rolling(9, center=True, min_periods=1).mean())

@@ -164,8 +164,12 @@ def test_heights_that_repeat_to_the_last_digit_are_no_measurement():
     assert (
         "column z, rows 60, 120, 180, 240 and 4 more: 0.0514874 occurs in 8 trials, to the last digit: it was" in text
     )
+    few = frame.groupby("trial").head(20)  # of which the copies themselves are no small share
+    text = said(trajectories=few.assign(z=few["z"].mask(few.index.isin(few.groupby("trial").tail(1).index[:4]), 0.03)))
+    assert "0.03 occurs in 4 trials, to the last digit: it was" in text
     for digits in (3, 4):  # some coordinates stand in three trials by chance
         assert "last digit" not in said(trajectories=frame.round(digits))
+        assert "last digit" not in said(trajectories=few.round(digits))
 
 
 def test_a_clock_that_is_off_shows_in_the_fall():

@@ -164,6 +164,8 @@ def _drops(model: "SavedModel", args: Namespace, options: dict) -> "Dataset":
 
     if args.states or args.duration:
         raise UserError("STATES.csv and --duration are for models in space; --like DATASET gives planar releases.")
+    if options["like"] and not options["like"].space.is_plane:
+        raise UserError(f"{args.like} is in space (schema 2); --like of a planar model needs a planar dataset.")
     return simulate_model(model, args.drops, engine=args.engine, **options)
 
 
@@ -179,6 +181,7 @@ def _tosses(model: "SavedModel", args: Namespace, options: dict) -> "Dataset":
     if args.duration is not None and not 0.0 < args.duration <= LONGEST:
         raise UserError(f"--duration must be above 0 and at most {LONGEST:g} s, got {args.duration:g}.")
     states = read_states(args.states) if args.states else None
+    options["warn"] = lambda said: print(f"warning: {args.states or args.like}: {said}", file=sys.stderr)
     return simulate_in_space(model, args.drops, states=states, duration=args.duration, **options)  # pyright: ignore[reportArgumentType]
 
 

@@ -21,9 +21,9 @@ if TYPE_CHECKING:
 
 ROLLOUT = """\
 Simulate measured tosses with a model.json, from the initial state to the last frame, and compare all frames. Only
-tosses held out by the critique, unless --all. Each row is an error averaged over the frames of a toss and then over
-tosses, with its 95 % interval. Δp and Δθ are the errors of position and rotation in a frame, w the mean width of the
-body:
+tosses held out by the critique (with --against, by both), unless --all. Each row is an error averaged over the frames
+of a toss and then over tosses, with its 95 % interval. Δp and Δθ are the errors of position and rotation in a frame, w
+the mean width of the body:
 
   contactnets pos_int_percent          |Δp| in % of w; these three are the metrics of ContactNets, arXiv:2009.11193
   contactnets angle_int_deg            |Δθ| in degrees
@@ -40,7 +40,8 @@ With --fit the named parameters, first fitted to hits, are fitted to the whole t
 out; the last column then compares both models on the held-out tosses.
 
 With --mjcf the same tosses are also simulated with your own files, from the same initial states. A file needs a body
-with a free joint, in whose frame the shape lies as in dataset.yaml, and exactly one plane.
+with a free joint, in whose frame the shape lies as in dataset.yaml, and exactly one plane. If a file has several free
+bodies, --body names the one to toss: one name for all files, or one for each, in order.
 """
 EXAMPLES = """\
 examples:
@@ -48,9 +49,11 @@ examples:
   thesis-lib rollout out/model.json data/tosses --start first_frame -o out
   thesis-lib rollout out/model.json data/tosses --against plain/model.json      which model is better?
   thesis-lib rollout out/model.json data/tosses --fit mu epsilon -o out/fitted
-  thesis-lib rollout out/model.json data/tosses --mjcf mine.xml better.xml --body box
+  thesis-lib rollout out/model.json data/tosses --mjcf mine.xml exported.xml
+  thesis-lib rollout out/model.json data/tosses --mjcf scene.xml mine.xml --body box block
   thesis-lib rollout model.json data/tosses --all --json | jq .contactnets
 """
+SAME_SHAPE = 0.01  # body extents by which shapes may differ; a corrected size differs by more
 ERRORS = "errors.csv"  # in the folder of model.json: lists the trials that the critique held out
 
 
@@ -69,7 +72,8 @@ def rollout(argv: Sequence[str] | None = None) -> int:
     parser.add_argument(
         "--mjcf", metavar="FILE", nargs="+", default=[], help="also simulate the tosses in MuJoCo with these files"
     )
-    parser.add_argument("--body", metavar="NAME", help="name of the body in the files of --mjcf")
+    body = "body in the files of --mjcf, one name for all or one for each; default: the only free body"
+    parser.add_argument("--body", metavar="NAME", nargs="+", default=[], help=body)
     parser.add_argument(
         "-o",
         "--out",
@@ -80,8 +84,11 @@ def rollout(argv: Sequence[str] | None = None) -> int:
     parser.add_argument("-q", "--quiet", action="store_true", help="print only errors to stderr")
     add_option(parser)
     args = parser.parse_args(argv)
-    if bool(args.mjcf) != bool(args.body):
-        raise UserError("--mjcf FILE and --body NAME belong together: give both, the files and the body in them.")
+    if len(args.body) not in ({0, 1, len(args.mjcf)} if args.mjcf else {0}):
+        raise UserError(
+            f"--body has {len(args.body)} names and --mjcf {len(args.mjcf)} files: give one name for all files, or one "
+            "for each."
+        )
     if args.fit and (args.all or args.against):
         raise UserError(
             "--fit compares the fitted model with the original one on the tosses that the critique held out: "
@@ -102,8 +109,10 @@ def rollout(argv: Sequence[str] | None = None) -> int:
 
         model, data = load_named(args.model), read_dataset(args.data)
         other = load_named(args.against) if args.against else None
-        _require_tosses(data, model, *filter(None, [other]))
-        trials = data.trials if args.all else held_out(args.model, data)
+        _require_tosses(data, {args.model: model} | ({args.against: other} if other else {}))
+        trials = data.trials.tolist() if args.all else held_out(args.model, data)
+        if other and not args.all:
+            trials = also_held_out(trials, args.against, {model.dataset, data.name}, other)
         if args.fit:
             from thesis_lib.critique.simulation.to_tosses import fit_to_tosses
 
@@ -127,9 +136,10 @@ def rollout(argv: Sequence[str] | None = None) -> int:
             from thesis_lib.foundation.files import six_digits
 
             content["files"] = {}
-            for path in args.mjcf:
+            names = args.body * len(args.mjcf) if len(args.body) == 1 else args.body or [None] * len(args.mjcf)
+            for path, body in zip(args.mjcf, names, strict=True):
                 say(path)
-                moves = TossesInFile(path, args.body, model).toss  # pyright: ignore[reportArgumentType]
+                moves = TossesInFile(path, body, model).toss  # pyright: ignore[reportArgumentType]
                 tosses = rolled_out_by(moves, model, data, trials, args.start, say)  # pyright: ignore[reportArgumentType]
                 rng = generator(SEED, "rollout", "intervals")
                 name = path if Path(path).name in content["files"] else Path(path).name
@@ -168,7 +178,6 @@ def held_out(model: str, data: "Dataset") -> "Sequence[int]":
         UserError: the held-out trials are not recorded, or the dataset has none of them.
     """
     import numpy as np
-    import pandas as pd
 
     table = Path(model).parent / ERRORS
     if not table.is_file():
@@ -176,13 +185,38 @@ def held_out(model: str, data: "Dataset") -> "Sequence[int]":
             f"{table}, which lists the tosses that the critique held out, does not exist: give the model.json in the "
             "folder of its critique, or --all for all tosses."
         )
-    errors = pd.read_csv(table)
-    if (
-        "held_out" not in errors
-        or not (trials := np.intersect1d(data.trials, errors["trial"][errors["held_out"] == 1])).size
-    ):
+    trials = np.intersect1d(data.trials, _held_out_in(table))
+    if not trials.size:
         raise UserError(f"{data.name} has no toss that {table} lists as held out; --all takes all tosses.")
     return trials.tolist()
+
+
+def also_held_out(trials: "Sequence[int]", path: str, datasets: set[str], other: "SavedModel") -> "Sequence[int]":
+    """Those of `trials` that the critique of the other model held out, too; warnings where this is not known.
+
+    `datasets`: names of the dataset.  UserError if none is left.
+    """
+    table = Path(path).parent / ERRORS
+    if other.dataset not in datasets or not table.is_file():
+        where = (
+            f"was fitted to {other.dataset or 'unnamed data'}"
+            if other.dataset not in datasets
+            else f"lies where no {ERRORS} is"
+        )
+        print(f"warning: {path} {where}: it may have been fitted to some of these tosses, too", file=sys.stderr)
+        return trials
+    known = set(_held_out_in(table))
+    if not (both := [trial for trial in trials if trial in known]):
+        raise UserError(f"No toss was held out by the critiques of both models ({table}); --all takes all tosses.")
+    return both
+
+
+def _held_out_in(table: Path) -> "Sequence[int]":
+    """Trials that a table of errors lists as held out."""
+    import pandas as pd
+
+    errors = pd.read_csv(table)
+    return errors["trial"][errors["held_out"] == 1].tolist() if "held_out" in errors else []
 
 
 def as_table(content: Mapping) -> str:
@@ -210,16 +244,28 @@ def as_table(content: Mapping) -> str:
     return "\n".join(lines)
 
 
-def _require_tosses(data: "Dataset", *models: "SavedModel | SavedSpaceModel") -> None:
-    """Raise UserError unless all models and data are in space and the data have trajectories on one surface."""
-    for model in models:
+def _require_tosses(data: "Dataset", models: "Mapping[str, SavedModel | SavedSpaceModel]") -> None:
+    """Raise UserError unless all models, by file, and data are in space and the data have trajectories on one surface.
+
+    A warning names models of a body with another shape.
+    """
+    for path, model in models.items():
         if model.space.is_plane:
-            raise UserError(
-                f"{model.dataset or 'This model'} is a model of a body in a plane; rollout is for models in space."
-            )
+            raise UserError(f"{path} is a model of a body in a plane; rollout is for models in space.")
     if data.space.is_plane:
         raise UserError(f"{data.name} is a dataset in a plane (schema 1); rollout is for tosses in space (schema 2).")
     if data.trajectories is None:
         raise UserError(f"{data.name} has impacts without trajectories; rollout compares all frames of tosses.")
     if len(data.in_space.planes) > 1:
         raise UserError(f"{data.name} has several surfaces; rollout is for tosses onto one surface.")
+    import numpy as np
+
+    own = data.in_space.body.solid
+    turns = np.random.default_rng(SEED).standard_normal((4, 50))
+    turns /= np.linalg.norm(turns, axis=0)
+    for path, model in models.items():
+        solid = model.rig.body.solid  # pyright: ignore[reportAttributeAccessIssue]
+        off = float(np.abs(solid.lowest(turns)[2] - own.lowest(turns)[2]).max())
+        if off > SAME_SHAPE * own.extent:
+            said = f"has another shape than the body of {data.name}, by up to {off:.2g} m; its own is used"
+            print(f"warning: the body of {path} {said}", file=sys.stderr)

@@ -1,9 +1,9 @@
-"""MuJoCo takes the numbers of a patch from the file, whatever else stands there; what it adds to them is said."""
+"""MuJoCo and Drake take the numbers of a patch from the file, whatever else is there; what adds to them is said."""
 
 import mujoco
 import numpy as np
 import pytest
-from engine_runs import BODIES, TRUE, model_of
+from engine_runs import BODIES, TRUE, model_of, plant_of
 
 from thesis_lib.critique.export.export import exported, patched
 from thesis_lib.foundation.errors import UserError
@@ -73,3 +73,68 @@ def test_geoms_that_are_not_read_are_named(tag, attributes, said, tmp_path):
     inner = f"<{tag} {attributes}/>" if tag == "include" else f"<{tag} {attributes}>{HULL}</{tag}>"
     with pytest.raises(UserError, match=f"no geom that can touch; <{tag}>: .*{said}; write its geoms into the body"):
         patch(tmp_path, HULL, inner)
+
+
+SDF = """<sdf version='1.9'><model name='lab'>
+  <link name='block'>
+    <inertial><mass>0.05</mass><inertia><ixx>3e-5</ixx><iyy>3e-5</iyy><izz>3e-5</izz></inertia></inertial>
+    <collision name='hull'><geometry><sphere><radius>0.03</radius></sphere></geometry></collision>
+  </link>
+</model></sdf>
+"""
+URDF = """<robot name='lab' xmlns:drake='http://drake.mit.edu'>
+  <link name='block'>
+    <inertial><mass value='0.05'/><inertia ixx='3e-5' iyy='3e-5' izz='3e-5' ixy='0' ixz='0' iyz='0'/></inertial>
+    <collision><geometry><sphere radius='0.03'/></geometry></collision>
+  </link>
+</robot>
+"""
+OTHERS = {  # a lid on the block, a knob on the lid, a door that turns on a hinge, and the ground
+    "sdf": "<joint name='{1}' type='{2}'><parent>{0}</parent><child>{1}</child></joint>",
+    "urdf": "<joint name='{1}' type='{2}'><parent link='{0}'/><child link='{1}'/></joint>",
+}
+JOINTS = ("block", "lid", "fixed"), ("lid", "knob", "fixed"), ("block", "door", "revolute"), ("world", "block", "fixed")
+FRICTION = "</geometry><surface><friction>{}</friction></surface>"
+
+
+def patch_drake(tmp_path, target: str, text: str):
+    path = tmp_path / f"mine.{target}"
+    path.write_text(text)
+    return patched(model_of("drake", BODIES["square"], TRUE), target, path, "block")
+
+
+@pytest.mark.parametrize("target", OTHERS)
+def test_links_that_add_to_the_mass_in_drake_are_said(target, tmp_path):
+    text, end = {"sdf": (SDF, "</model>"), "urdf": (URDF, "</robot>")}[target]
+    joints = "".join(OTHERS[target].format(*joint) for joint in JOINTS)
+    said = "\n".join(patch_drake(tmp_path, target, text.replace(end, joints + end)).left_out)
+    assert "link lid: fixed to this one" in said and "link knob: fixed" in said
+    assert "door" not in said and "world" not in said
+    assert "fixed" not in "\n".join(patch_drake(tmp_path, target, text).left_out)
+
+
+@pytest.mark.parametrize("inside", ["", "<torsional/>", "<ode><mu>1</mu></ode>"])
+def test_drake_reads_a_patched_file_that_has_friction_of_other_simulators(inside, tmp_path):
+    """Drake 1.51 ends the process at a friction without <ode> beside its own elements."""
+    text = SDF.replace("</geometry>", FRICTION.format(inside))
+    made = patch_drake(tmp_path, "sdf", text)
+    assert made.content.count(b"<ode") == 1  # first: Drake would end these tests, too
+    path = tmp_path / "better.sdf"
+    path.write_bytes(made.content)
+    assert plant_of(path)[1].HasBodyNamed("block")
+
+
+@pytest.mark.parametrize(
+    "target, text, said",
+    [
+        (
+            "urdf",
+            URDF.replace("</coll", "<d:proximity_properties/></coll").replace("drake=", "d="),
+            "ignores the pref.* d;",
+        ),
+        ("sdf", "<sdf><model><include/></model></sdf>", "no link named 'block'.* It includes other files"),
+    ],
+)
+def test_what_drake_would_not_read_is_refused(target, text, said, tmp_path):
+    with pytest.raises(UserError, match=said):
+        patch_drake(tmp_path, target, text)

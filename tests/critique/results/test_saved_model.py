@@ -27,6 +27,14 @@ from thesis_lib.simulate.rig.hidden_causes import ELLIPSE_BODY, PROOF_RELEASE, S
 
 SIX_DIGITS = 1e-5  # parameters are stored with six digits
 EXACT = 1e-12
+LONG = ["com_offset", "linear_drag", "surface_height", "surface_tilt", "time_lag", "later_friction"]
+LONG += [
+    "position_dependent_friction",
+    "position_dependent_restitution",
+    "wrong_gravity",
+    "wrong_inertia",
+    "wrong_size",
+]
 
 
 @pytest.fixture
@@ -190,7 +198,10 @@ def numbers(**values: float) -> dict:
     [
         ({"law": "newton"}, "no law 'newton'"),
         ({"effects": ["gravity_waves"]}, "no effect 'gravity_waves'"),
-        ({"effects": ["moving_surface"]}, "moving_surface.V"),
+        ({"effects": ["moving_surface"]}, "missing parameter.s.: moving_surface.V. Write it again"),
+        ({"effects": LONG}, "missing parameter.s.: com_offset.c_x, .*, wrong_size.s. Write it again"),
+        ({"parameters": numbers(m=1.0, nu=1.0)}, "json: unknown parameter.s.: m, nu. Write it again"),
+        ({"parameters": numbers(**dict.fromkeys("abcdefghijkl", 1.0))}, ": a, b, .*, i, j and 2 more. Write"),
         ({"effects": ["other_friction_at_west"]}, "no wall 'west' .* there are no walls"),
         ({"parameters": numbers(tau=-1e-4)}, "tau must be between 0 and"),
         ({"parameters": numbers(tau=1.0)}, "tau must be between 0 and"),

@@ -1,6 +1,7 @@
 """Predicted against measured tosses: the metrics, the start and its covariance, the floor, comparisons and errors."""
 
 import json
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -9,6 +10,7 @@ import pytest
 from saved_models import model_of, space_model
 
 from thesis_lib.__main__ import main
+from thesis_lib.commands.rollout import also_held_out
 from thesis_lib.contact.compliant.normal_force import LinearDamper
 from thesis_lib.critique.simulation import rollout
 from thesis_lib.critique.simulation.first_flight import MeasuredTosses, first_flight, first_frame
@@ -17,6 +19,7 @@ from thesis_lib.critique.simulation.simulate_in_space import simulate_in_space
 from thesis_lib.critique.simulation.to_tosses import fit_to_tosses
 from thesis_lib.datasets.format.table_forms import POSE_IN_SPACE, V_POST_IN_SPACE, V_PRE_IN_SPACE
 from thesis_lib.datasets.format.write import write_dataset
+from thesis_lib.foundation.errors import UserError
 from thesis_lib.mechanics.space import SPACE, of_rotation_vector
 from thesis_lib.mechanics.state import State
 from thesis_lib.simulate.tosses.example import simulate_tosses
@@ -126,11 +129,13 @@ def test_a_toss_of_another_simulator_comes_out_at_the_floor_with_what_it_hides()
 def test_the_command_writes_numbers_and_pictures(simulated, tmp_path, capsys):
     model, data = simulated
     model.save(tmp_path / "model.json")
-    space_model(**COMPLIANT, mu=0.5).save(tmp_path / "other.json")
+    (tmp_path / "other").mkdir()
+    space_model(**COMPLIANT, mu=0.5).save(tmp_path / "other" / "model.json")
+    pd.DataFrame({"trial": [1, 2, 3, 4], "held_out": [1, 1, 1, 0]}).to_csv(tmp_path / "other" / "errors.csv")
     write_dataset(data, tmp_path / "set")
-    pd.DataFrame({"trial": [0, 1, 2, 3, 4], "held_out": [0, 1, 1, 1, 0]}).to_csv(tmp_path / "errors.csv")
+    pd.DataFrame({"trial": [0, 1, 2, 3, 4], "held_out": [0, 1, 1, 1, 1]}).to_csv(tmp_path / "errors.csv")
     command = ["rollout", str(tmp_path / "model.json"), str(tmp_path / "set"), "-q", "-o", str(tmp_path / "out")]
-    assert main([*command, "--against", str(tmp_path / "other.json")]) == 0
+    assert main([*command, "--against", str(tmp_path / "other" / "model.json")]) == 0
     said = capsys.readouterr()
     assert "contactnets pos_int_percent" in said.out and "minus the other" in said.out and not said.err
     content = json.loads((tmp_path / "out" / "rollout.json").read_text())
@@ -142,6 +147,19 @@ def test_the_command_writes_numbers_and_pictures(simulated, tmp_path, capsys):
     assert main(command) == 2 and "--all takes all tosses" in capsys.readouterr().err
     (tmp_path / "errors.csv").unlink()
     assert main(command) == 2 and "does not exist" in capsys.readouterr().err
+
+
+def test_another_model_is_judged_on_tosses_that_both_held_out(simulated, tmp_path, capsys):
+    """The other one does not look better because it was fitted to tosses that only the first held out."""
+    model, other = simulated[0], tmp_path / "model.json"
+    assert also_held_out([1, 2, 3], str(other), {"none"}, model) == [1, 2, 3]
+    assert f"{other} lies where no errors.csv is: it may have been fitted" in capsys.readouterr().err
+    pd.DataFrame({"trial": [1, 1, 2, 3], "held_out": [0, 0, 1, 1]}).to_csv(tmp_path / "errors.csv")
+    assert also_held_out([1, 2], str(other), {"none"}, model) == [2] and not capsys.readouterr().err
+    with pytest.raises(UserError, match="No toss was held out by the critiques of both models"):
+        also_held_out([1, 7], str(other), {"none"}, model)
+    assert also_held_out([1, 2], str(other), {"set"}, model) == [1, 2]
+    assert "was fitted to none: it may" in capsys.readouterr().err
 
 
 def test_a_folder_that_cannot_be_written_is_refused_before_the_work(simulated, tmp_path, capsys, monkeypatch):
@@ -200,6 +218,20 @@ def test_values_with_which_a_toss_has_no_solution_are_none(simulated, monkeypatc
     assert len(set(first)) > 3 and fitted.values["mu"] == 0.32
 
 
+def test_a_model_of_another_body_is_said(simulated, tmp_path, capsys):
+    model, data = simulated
+    write_dataset(data.first_trials(1), tmp_path / "set")
+    other = space_model(**COMPLIANT, shape={"kind": "box", "half_extents": (0.05, 0.04, 0.032)})
+    for one, said in (
+        (other, "has another shape than the body of set, by up to 0.002 m; its own is used"),
+        (model, ""),
+    ):
+        one.save(tmp_path / "model.json")
+        assert main(["rollout", str(tmp_path / "model.json"), str(tmp_path / "set"), "--all", "-q"]) == 0
+        err = capsys.readouterr().err
+        assert said in err and ("shape" in err) == bool(said)
+
+
 def test_what_cannot_be_rolled_out_is_refused(simulated, tmp_path, capsys):
     model, data = simulated
     plane, space, flat, given = (str(tmp_path / name) for name in ("plane.json", "model.json", "flat", "given"))
@@ -210,12 +242,19 @@ def test_what_cannot_be_rolled_out_is_refused(simulated, tmp_path, capsys):
     one = pd.DataFrame([[0, 0, 0.0, 0.0, 0.03, 1.0, 0.0, 0.0, 0.0, *[0.1] * 12]], columns=columns)
     write_dataset(replace(data, trajectories=None, impacts=one), given)
     for of, at, said in (
-        (plane, given, "model of a body in a plane"),
+        (plane, given, "plane.json is a model of a body in a plane"),
         (space, flat, "dataset in a plane"),
         (space, given, "impacts without trajectories"),
     ):
         assert main(["rollout", of, at, "--all", "-q"]) == 2
         assert said in capsys.readouterr().err
+    for of, at, said in (
+        (space, flat, "flat is in a plane .schema 1.; --like of a model in space needs tosses in space"),
+        (space, given, "given has impacts without trajectories; --like of a model in space needs tosses"),
+        (plane, given, "given is in space .schema 2.; --like of a planar model needs a planar dataset"),
+    ):
+        assert main(["simulate", of, "--like", at, "-o", str(tmp_path / "x"), "-q"]) == 2
+        assert re.search(said, capsys.readouterr().err)
     assert main(["simulate", space, "--engine", "drake", "-o", str(tmp_path / "x"), "-q"]) == 2
     assert "planar models" in capsys.readouterr().err
     assert main(["simulate", plane, "--duration", "1", "-o", str(tmp_path / "x"), "-q"]) == 2

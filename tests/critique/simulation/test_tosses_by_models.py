@@ -139,7 +139,7 @@ def test_the_camera_scales_turns_from_the_first_frame_on():
     np.testing.assert_allclose(SPACE.turn_between(seen.attitude[:, :1], seen.attitude[:, -1:])[2], 1.1 * 2.4, rtol=1e-9)
 
 
-def test_simulate_writes_what_the_camera_reports_of_given_states(tmp_path):
+def test_simulate_writes_what_the_camera_reports_of_given_states(tmp_path, capsys):
     rig = {"tracked": {"position": (0.02, 0.01, 0.03), "quaternion": (0.8, 0.6, 0.0, 0.0)}}
     model = space_model(rig=rig, **{"length_scale.s_L": 0.02})
     model.save(tmp_path / "model.json")
@@ -147,13 +147,18 @@ def test_simulate_writes_what_the_camera_reports_of_given_states(tmp_path):
     states.columns = ["trial", *POSE_IN_SPACE, "vx", "vy", "vz", "wx", "wy", "wz"]
     states.to_csv(tmp_path / "states.csv", index=False)
     command = ["simulate", str(tmp_path / "model.json"), str(tmp_path / "states.csv"), "--duration", "0.3", "-q"]
-    assert main([*command, "-o", str(tmp_path / "made")]) == 0
+    assert main([*command, "-o", str(tmp_path / "made")]) == 0 and not capsys.readouterr().err
     made = read_dataset(tmp_path / "made")
     table = made.trajectories
     assert made.trials.tolist() == [4] and len(table) == 73
     np.testing.assert_allclose(table[list(POSE_IN_SPACE)].iloc[0], states[list(POSE_IN_SPACE)].iloc[0], atol=1e-6)
     step = table[["x", "y"]].diff().iloc[1].to_numpy() / table["t"].iloc[1]
     np.testing.assert_allclose(step, [1.0, 0.5], atol=0.3)  # the tracked point circles about the centre of mass
+    states.assign(z=0.01).to_csv(tmp_path / "states.csv", index=False)
+    capsys.readouterr()
+    assert main([*command, "-o", str(tmp_path / "deep")]) == 0
+    warned = capsys.readouterr().err
+    assert re.search(r"states.csv: 1 of 1 toss.es. begin in the surface, toss 4 by 0.0\d+ m; check height", warned)
     with pytest.raises(UserError, match="lack the column"):
         simulate_in_space(model, states=states.drop(columns="wx"), rng=np.random.default_rng(0))
     with pytest.raises(UserError, match=r"The quaternion has the length 0\.5 in 1 row"):
@@ -169,6 +174,7 @@ BODY = {"shape": BOX, "mass": 0.25, "radii_of_gyration": (0.03, 0.035, 0.04), "c
 FILMED = {"body": BODY, "gravity": (0.0, -9.0, -3.9), "surface": {"point": (0.1, 0.2, 0.3)}}
 FEW = 6  # frames after the first hit: from then on a next one may have begun, and small errors grow
 CLOSE = (1e-4, 3e-3, 2e-3)  # m, rad, m: until the hit, and after it
+SECOND = '<body name="lid"><freejoint/><geom size=".01"/></body>'
 COARSE = 'timestep="2e-5"'
 
 
@@ -211,15 +217,19 @@ def test_the_command_compares_files(file, tmp_path, capsys):
     model.save(tmp_path / "model.json")
     better = file(model)
     other = tmp_path / "other.xml"
-    other.write_text(better.read_text().replace('<inertial pos="0.003 0 -0.002"', '<inertial pos="-0.003 0 0.002"'))
+    text = better.read_text().replace('<inertial pos="0.003 0 -0.002"', '<inertial pos="-0.003 0 0.002"')
+    other.write_text(text.replace('body name="body"', 'body name="box"'))  # as a user's file names it
     command = ["rollout", f"{tmp_path}/model.json", f"{tmp_path}/data", "--all", "--json", "-q"]
     command += ["--mjcf", str(other), str(better)]
-    assert main([*command, "--body", "body"]) == 0
+    assert main(command) == 0
     content = json.loads(capsys.readouterr().out)
     errors = {name: of["benchmark"]["position_m"] for name, of in content["files"].items()}
     assert errors["mine.xml"] < 0.6 * errors["other.xml"]
     assert errors["mine.xml"] < 2.0 * content["floor"]["benchmark"]["position_m"] + 1e-3
-    assert main(command) == 2 and "belong together" in capsys.readouterr().err
+    assert main([*command, "--body", "box", "body"]) == 0
+    assert json.loads(capsys.readouterr().out) == content
+    assert main([*command, "--body", "box"]) == 2 and "mine.xml: there is no body 'box'" in capsys.readouterr().err
+    assert main([*command, "--body", *"abc"]) == 2 and "3 names and --mjcf 2 files" in capsys.readouterr().err
 
 
 def test_a_file_that_cannot_be_tossed_says_why(file):
@@ -228,7 +238,13 @@ def test_a_file_that_cannot_be_tossed_says_why(file):
     text = path.read_text()
     boxed = text.replace('type="plane"', 'type="box"').replace('size="0 0 1"', 'size="1 1 1"')
     for written, body, said in (
-        (text, "box", "no body 'box' with a free joint"),
+        (text, "box", "no body 'box' with a free joint; its free bodies: body"),
+        (
+            text.replace("</worldbody>", f"{SECOND}</worldbody>"),
+            None,
+            "2 bodies with a free joint; .* bodies: body, lid",
+        ),
+        (text.replace("<freejoint/>", ""), None, "0 bodies with a free joint; .* none with a name"),
         (boxed, "body", "has 0 planes; it needs exactly one"),
         (text.replace("<freejoint/>", ""), "body", "no body 'body' with a free joint"),
         ("<mujoco><worldbody/></mujoc>", "body", "MuJoCo cannot read it"),

@@ -47,7 +47,25 @@ def patch(
         file.left.append(
             "contact of the surface: Drake combines the numbers of both; name its link (--surface), or give it the same"
         )
+    for other in _fixed(file, name, target):
+        file.left.append(
+            f"link {other}: fixed to this one, so its mass and inertia add to those here; it stays as it is"
+        )
     file.left += not_patched(solid)
+
+
+def _fixed(file: Patch, name: str, target: str) -> list[str]:
+    """Return the names of the links that fixed joints connect with a link, also through each other."""
+    pairs = []
+    for joint in file.root.iter("joint"):
+        ends = [one for tag in ("parent", "child") if (one := joint.find(tag)) is not None]
+        names = [(end.get("link") if target == "urdf" else end.text) or "" for end in ends]
+        if joint.get("type") == "fixed" and len(names) == 2:
+            pairs.append({one.split("::")[-1].strip() for one in names})
+    found = [name]
+    for one in found:
+        found += sorted({other for pair in pairs if one in pair for other in pair} - {*found, "world"})
+    return found[1:]
 
 
 def _value(target: str) -> str:
@@ -57,7 +75,12 @@ def _value(target: str) -> str:
 def _link(file: Patch, name: str, target: str) -> Element:
     if file.root.tag != ROOTS[target]:
         raise UserError(f"{file.path} is not in {target.upper()} format: it begins with <{file.root.tag}>.")
-    return file.named(file.root.iter("link"), name, "link")
+    try:
+        return file.named(file.root.iter("link"), name, "link")
+    except UserError as error:
+        if file.root.find(".//include") is not None:
+            raise UserError(f"{error} It includes other files; name the file that contains the link.") from error
+        raise
 
 
 def _inertial(file: Patch, link: Element, solid: ExportedBody, target: str) -> None:
@@ -98,12 +121,18 @@ def _contact(file: Patch, collision: Element, elements: dict[str, float], target
     properties = collision.find(f"{drake}proximity_properties")
     if properties is None:
         properties = file.insert(collision, f"{drake}proximity_properties")
+    elif properties.prefix != "drake":
+        raise UserError(f"{file.where(properties)}: Drake ignores the prefix {properties.prefix}; rename it to drake.")
     for name, value in elements.items():
         file.write(f"{which}: {name}", [value], file.child(properties, drake + name), _value(target))
     # friction elements of other simulators
     for name in ("mu", "mu2"):
         if (old := collision.find(f"surface/friction/ode/{name}")) is not None:
             file.write(f"{which}: ode {name}", [elements["mu_dynamic"]], old)
+    friction = collision.find("surface/friction")
+    if friction is not None and friction.find("ode") is None:  # Drake 1.51 aborts without it
+        file.child(friction, "ode")
+        file.changed.append(f"{which}: <ode/> in its <friction>, without which Drake cannot read the file")
 
 
 def _pose(file: Patch, element: Element, target: str) -> tuple[list[float], list[float]]:

@@ -14,6 +14,8 @@ from thesis_lib.foundation.errors import UserError
 from thesis_lib.foundation.files import read_json
 from thesis_lib.foundation.regular_file import MissingFile, regular_size
 
+MOST = 10  # unknown names that a message lists
+
 
 def load_model(path: str | Path) -> SavedModel:
     """Read model.json; UserError if it is missing or invalid, or names an unknown law, effect or parameter."""
@@ -46,10 +48,13 @@ def load_model(path: str | Path) -> SavedModel:
         require_known(model.effects, model.rig.walls)
     except UserError as error:
         raise UserError(f"{path}: {error}") from error
-    needed = set(model.model.parameters)
-    if needed != set(model.parameters):
-        wrong = ", ".join(sorted(needed ^ set(model.parameters)))[:200]
-        raise UserError(f"{path}: missing or unknown parameter(s): {wrong}. Write it again.")
+    needed, given = set(model.model.parameters), set(model.parameters)
+    if needed != given:
+        lacks, other = sorted(needed - given), [name[:60] for name in sorted(given - needed)]
+        more = f" and {len(other) - MOST} more" if len(other) > MOST else ""
+        said = [f"missing parameter(s): {', '.join(lacks)}"] * bool(lacks)
+        said += [f"unknown parameter(s): {', '.join(other[:MOST])}{more}"] * bool(other)
+        raise UserError(f"{path}: {'; '.join(said)}. Write it again.")
     tau = CONTACT_TIME
     if tau.name in needed and not tau.low <= (lasts := model.values[tau.name]) <= tau.high:
         raise UserError(f"{path}: tau must be between {tau.low:g} and {tau.high:g} s; got {lasts:g}.")

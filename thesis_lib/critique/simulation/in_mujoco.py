@@ -27,20 +27,26 @@ STRAIGHT = np.array([1.0, 0.0, 0.0, 0.0])
 
 
 class TossesInFile:
-    """A named body in an MJCF file, which represents the body of a model."""
+    """A body in an MJCF file, which represents the body of a model."""
 
-    def __init__(self, path: str | Path, body: str, model: SavedSpaceModel) -> None:
-        """UserError if MuJoCo cannot read the file, if the body is not free, or if there is not exactly one plane."""
+    def __init__(self, path: str | Path, body: str | None, model: SavedSpaceModel) -> None:
+        """`body`: its name; None: the only body with a free joint.
+
+        UserError if MuJoCo cannot read the file, if no such body is free, or if there is not exactly one plane.
+        """
         try:
             self.engine = mujoco.MjModel.from_xml_path(str(path))
         except ValueError as error:
             raise UserError(f"{path}: MuJoCo cannot read it ({first_line(error)}).") from error
-        number = mujoco.mj_name2id(self.engine, mujoco.mjtObj.mjOBJ_BODY, body)
-        joint = self.engine.body_jntadr[number] if number > 0 else -1
-        if joint < 0 or self.engine.jnt_type[joint] != mujoco.mjtJoint.mjJNT_FREE:
-            raise UserError(
-                f"{path}: there is no body {body!r} with a free joint; name the body that is tossed with --body."
-            )
+        free = self.engine.jnt_bodyid[self.engine.jnt_type == mujoco.mjtJoint.mjJNT_FREE]
+        named = {self.engine.body(i).name: i for i in free}
+        known = f"its free bodies: {', '.join(filter(None, named)) or 'none with a name'}"
+        if body is None and len(free) != 1:
+            raise UserError(f"{path} has {len(free)} bodies with a free joint; name the one to toss (--body); {known}.")
+        if body is not None and body not in named:
+            raise UserError(f"{path}: there is no body {body!r} with a free joint; {known}.")
+        number = free[0] if body is None else named[body]
+        joint = self.engine.body_jntadr[number]
         planes = np.flatnonzero(self.engine.geom_type == mujoco.mjtGeom.mjGEOM_PLANE)
         if len(planes) != 1:
             raise UserError(f"{path} has {len(planes)} planes; it needs exactly one, the table.")

@@ -4,6 +4,7 @@ They begin in given states, in the states of a dataset (`first_flight`), or in s
 (`thesis_lib/simulate/tosses/world.py`).  Scatter beyond noise is not drawn.
 """
 
+import warnings
 from collections.abc import Callable, Mapping
 
 import numpy as np
@@ -25,6 +26,7 @@ from thesis_lib.simulate.tosses.world import TossedWorld, released
 
 RATE, DURATION = 240.0, 1.2  # Hz, s
 NOISE = {"position": 2e-4, "rotation": 3e-3}  # m, rad
+INSIDE = 0.01  # body extents below the surface; resting bodies seem to be a fraction of that below it, by noise
 V_IN_SPACE = tuple(name.removesuffix("_pre") for name in V_PRE_IN_SPACE)
 
 
@@ -38,8 +40,10 @@ def simulate_in_space(
     noise: Mapping[str, float] | None = NOISE,
     rng: np.random.Generator,
     say: Callable[[str], None] = lambda text: None,
+    warn: Callable[[str], None] = warnings.warn,
 ) -> Dataset:
-    """Simulate tosses, numbered from 0, and return their trajectories.
+    """Simulate tosses, numbered from 0, and return their trajectories; `warn` gets a warning of bodies that begin in
+    the surface.
 
     Args:
         n: number of tosses; None: 60, or all first flights recorded in `like`.
@@ -50,14 +54,23 @@ def simulate_in_space(
         noise: position in m, rotation in rad; only without `states` and `like`.
 
     Raises:
-        UserError: columns are missing or not numeric, or `like` has no first flight.
+        UserError: columns are missing or not numeric, or `like` has no trajectories in space, or no first flight.
     """
     dynamics, trials, rate = model.dynamics, None, RATE
     if states is not None:
         columns = given(states)
         true, noise = dynamics.to_true(model.measured(columns)), None
-        trials = columns["trial"].astype(int)
+        trials, gap = columns["trial"].astype(int), dynamics.gap(true)
+        if len(deep := np.flatnonzero(gap < -INSIDE * model.believed.shape.extent)):
+            most = deep[gap[deep].argmin()]
+            warn(
+                f"{len(deep)} of {len(gap)} toss(es) begin in the surface, toss {trials[most]} by {-gap[most]:.3g} m; "
+                "check height, orientation and unit of length."
+            )
     elif like is not None:
+        if like.space.is_plane or like.trajectories is None:
+            what = "is in a plane (schema 1)" if like.space.is_plane else "has impacts without trajectories"
+            raise UserError(f"{like.name} {what}; --like of a model in space needs tosses in space (schema 2).")
         say(f"looking for the first flights of {like.name}")
         tosses = MeasuredTosses.of(like, model, like.trials)
         begun = first_flight(tosses.bound(model), tosses)

@@ -226,19 +226,21 @@ def check_motion(table: UsableRows, header: SpaceHeader) -> None:
 def _check_repeated(table: UsableRows) -> None:
     """Report coordinates that trials share to the last digit, if more of them than rounding makes equal by chance.
 
-    If a share r of N rows repeats another row, about N r^(m − 1) values occur in m rows by chance.
+    If a share r of N rows repeats another row, about N r^(m − 1) values occur in m rows by chance; r is that of all
+    other values, and of one pair more, as few rows may have none.
     """
     for axis in POSITION:
         values = table.data[axis]
-        share = float(values.duplicated(keep=False).mean())
+        trials = table.data.groupby(axis)["trial"].nunique()
+        value = trials.idxmax()
+        equal = (values == value).to_numpy()
+        share = (values[~equal].duplicated(keep=False).sum() + 2) / len(values)
         if share > REPEATED:
             continue  # written with few digits, or without noise
-        trials = table.data.groupby(axis)["trial"].nunique()
         if trials.max() > 2 and len(values) * share ** (trials.max() - 1) < BY_CHANCE:
-            value = trials.idxmax()
             what = f"{value:.9g} occurs in {trials.max()} trials, to the last digit: it was set, not measured"
             remedy = "remove such rows: the body at rest in them was assumed, not measured"
-            table.warn(f"column {axis}", what, remedy, (values == value).to_numpy())
+            table.warn(f"column {axis}", what, remedy, equal)
 
 
 def _check_fall(table: UsableRows, header: SpaceHeader, facts: MotionFacts, step: float) -> None:

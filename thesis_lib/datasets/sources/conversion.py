@@ -29,6 +29,7 @@ from thesis_lib.statistics.wording import plural
 
 MOST_OUT = 0.05  # trials with a larger share of their energy out of the plane are left out
 FRAMES, SMOOTHED = 5, 0.7  # a parabola through so many frames of a flight shows at least this share of gravity
+READ = 8  # frames of a flight that is found also in a slow recording; six are not
 STRAIGHT = 0.99  # a direction with a larger component along an axis is taken as that axis
 NEAR_UP = 0.9  # cosine of the angle between the fall and the downward axis, from which on the upward axis is right
 _OPTIONS = {"size": "homogeneous", "body": "shape"}  # keys of dataset.yaml whose option has another name
@@ -74,8 +75,14 @@ class Recorded:
         motion, gravity = self.motion, self.rig.g
         if text := self._wrong_units():
             return text
-        if slow := too_slow(1.0 / sampling_period(motion.t, self.piece)):
-            return f"no free flight is found along the upward axis. {slow} Record at 100 Hz or more.{self._smoothed()}"
+        step = sampling_period(motion.t, self.piece)
+        if slow := too_slow(1.0 / step):
+            return (
+                f"no free flight is found along the upward axis. {slow} Record at 100 Hz or more.{self._smoothed()} "
+                f"Tosses that fall freely for {READ} frames ({READ * step:.2g} s) or more are read at this rate, too: "
+                "critique then shows gravity with drag, and rests; in space, rollout compares whole tosses with a "
+                "model from a faster recording."
+            )
         if found := falling(motion.t, motion.position, gravity, {"": 1.0}):
             _, down, number = found
             there = f"there {'is' if number == 1 else 'are'} {plural(number, 'free flight')}"
@@ -118,7 +125,7 @@ class Recorded:
             return ""
         return (
             f" Over {FRAMES} frames the body falls with {fastest:.1f} m/s² at most (median of {len(most)} recordings), "
-            f"instead of {self.rig.g:g}: the positions were smoothed, or the body was not released."
+            f"instead of {self.rig.g:g}: the positions were smoothed, the body was not released, or it flew for less."
         )
 
     def no_drop(self, drops: Sequence[Drop], height: np.ndarray, surface: float) -> str:
