@@ -232,6 +232,18 @@ def test_a_toss_in_the_file_is_that_of_the_model(file):
         assert place[hit : hit + FEW, i].max() < CLOSE[2]
 
 
+def test_a_timestep_that_is_too_coarse_for_the_contact_of_a_file_is_said(file):
+    """MuJoCo's defaults are fine enough; an exported contact of 2.5 ms needs a twentieth of that."""
+    model = space_model(**MODEL)
+    path = file(model)
+    assert not TossesInFile(path, "body", model).coarse
+    text = path.read_text().replace(COARSE, 'timestep="1e-3"')
+    path.write_text(text)
+    assert re.search(r"lasts 0\.0025 s: .* needs 0\.00013 s or less", TossesInFile(path, "body", model).coarse)
+    path.write_text(re.sub('solref="[^"]+" solimp="[^"]+"', "", text.replace("1e-3", "2e-3")))
+    assert not TossesInFile(path, "body", model).coarse
+
+
 @pytest.mark.slow  # 15 s
 def test_the_command_compares_files(file, tmp_path, capsys):
     """The file of the true body errs less than one that believes in another centre of mass."""
