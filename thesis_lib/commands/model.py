@@ -162,7 +162,7 @@ def _drops(model: "SavedModel", args: Namespace, options: dict) -> "Dataset":
     """Drops simulated with a planar model."""
     from thesis_lib.critique.simulation.simulate_model import simulate_model
 
-    if args.states or args.duration:
+    if args.states or args.duration is not None:
         raise UserError("STATES.csv and --duration are for models in space; --like DATASET gives planar releases.")
     if options["like"] and not options["like"].space.is_plane:
         raise UserError(f"{args.like} is in space (schema 2); --like of a planar model needs a planar dataset.")
