@@ -69,6 +69,7 @@ def in_space(change: Callable) -> Law:
     [
         (replace(CONE, breaks_in_space={}), "states its source", "how often it breaks Promise.NO_ENERGY_GAIN in space"),
         (replace(CONE, dimensions=frozenset({4})), "states its source", "dimensions must be"),
+        (in_space(lambda s, mu, e, a, b, n: (a, n)), "states its", r"return \(c_t1, c_t2, c_n\), not 2 arrays"),
         (
             in_space(lambda s, mu, e, a, b, n: (a, b, np.where(s.v[0] > 2.0, np.nan, n))),
             "solves every",

@@ -162,7 +162,7 @@ def _drops(model: "SavedModel", args: Namespace, options: dict) -> "Dataset":
     """Drops simulated with a planar model."""
     from thesis_lib.critique.simulation.simulate_model import simulate_model
 
-    if args.states or args.duration:
+    if args.states or args.duration is not None:
         raise UserError("STATES.csv and --duration are for models in space; --like DATASET gives planar releases.")
     if options["like"] and not options["like"].space.is_plane:
         raise UserError(f"{args.like} is in space (schema 2); --like of a planar model needs a planar dataset.")
@@ -195,7 +195,9 @@ def export(argv: Sequence[str] | None = None) -> int:
     parser.add_argument("--mass", type=float, metavar="KG", help=mass)
     parser.add_argument("--depth", type=float, metavar="M", help="size across the plane; default: longest extent in it")
     parser.add_argument("--patch", metavar="FILE", help="your model; FILE stays unchanged unless -o names it")
-    parser.add_argument("--body", metavar="NAME", help="body (MJCF) or link in the file to be patched")
+    parser.add_argument(
+        "--body", metavar="NAME", help="body (MJCF) or link (SDF: also MODEL::LINK) in the file to be patched"
+    )
     parser.add_argument("--surface", metavar="NAME", default="", help="link of the surface; gets the contact, too")
     parser.add_argument("--plane", metavar="AXES", help="plane of motion in a planar body's own axes; default: xz")
     points = "number of points in which an edge of the body touches; default: 1 or 2, by its geometry"

@@ -139,8 +139,10 @@ def rollout(argv: Sequence[str] | None = None) -> int:
             names = args.body * len(args.mjcf) if len(args.body) == 1 else args.body or [None] * len(args.mjcf)
             for path, body in zip(args.mjcf, names, strict=True):
                 say(path)
-                moves = TossesInFile(path, body, model).toss  # pyright: ignore[reportArgumentType]
-                tosses = rolled_out_by(moves, model, data, trials, args.start, say)  # pyright: ignore[reportArgumentType]
+                scene = TossesInFile(path, body, model)  # pyright: ignore[reportArgumentType]
+                if scene.coarse:
+                    print(f"warning: {scene.coarse}", file=sys.stderr)
+                tosses = rolled_out_by(scene.toss, model, data, trials, args.start, say)  # pyright: ignore[reportArgumentType]
                 rng = generator(SEED, "rollout", "intervals")
                 name = path if Path(path).name in content["files"] else Path(path).name
                 content["files"][name] = six_digits(summary(tosses, args.start, rng))

@@ -27,7 +27,7 @@ class RotationScale(Effect):
     needs_angle = True
     needs_history = True
     turns = True
-    rank = 65
+    rank = 97  # E is the sum of turns as reported, in axes however they are mirrored or misread
     dimensions = ONLY_SPACE
     reference = "Titterton and Weston 2004, Strapdown Inertial Navigation Technology (scale factor of a gyroscope)"
 

@@ -73,11 +73,25 @@ def declared(law: Law) -> str:
         return "dimensions must be {2}, {3} or {2, 3}"
     if 3 in law.dimensions and (missing := law.breaks.keys() - law.breaks_in_space.keys()):
         return f"breaks_in_space must state how often it breaks {_names(missing)} in space"
-    return ""
+    return _miscounted(law)
 
 
 def _has_dimensions(law: Law) -> bool:
     return isinstance(law.dimensions, frozenset | set) and bool(law.dimensions) and law.dimensions <= {2, 3}
+
+
+def _miscounted(law: Law) -> str:
+    """Where the impulse lacks a component; "" also if it cannot be computed, which other checks find."""
+    for dimension, where, names in ((2, "the plane", "(c_t, c_n)"), (3, "space", "(c_t1, c_t2, c_n)")):
+        draw = few(dimension=dimension)
+        try:
+            with np.errstate(all="ignore"):
+                n = len(law.impulse(draw.space, draw.mu, draw.epsilon)) if dimension in law.dimensions else dimension
+        except Exception:  # user-defined code can raise anything
+            continue
+        if n != dimension:
+            return f"in {where}, with space.dimension {dimension}, impulse must return {names}, not {n} arrays"
+    return ""
 
 
 def _names(promises) -> str:
@@ -303,7 +317,7 @@ SPACE_CHECKS: tuple[Check[Law], ...] = (
 
 def checks_of(law: Law) -> tuple[Check[Law], ...]:
     """Checks that apply to a law, by the dimensions in which it holds."""
-    if not _has_dimensions(law):
+    if not _has_dimensions(law) or _miscounted(law):
         return LAW_CHECKS[:1]
     in_plane = LAW_CHECKS if 2 in law.dimensions else LAW_CHECKS[:1]
     return (*in_plane, *SPACE_CHECKS) if 3 in law.dimensions else in_plane

@@ -138,3 +138,49 @@ def test_drake_reads_a_patched_file_that_has_friction_of_other_simulators(inside
 def test_what_drake_would_not_read_is_refused(target, text, said, tmp_path):
     with pytest.raises(UserError, match=said):
         patch_drake(tmp_path, target, text)
+
+
+WORLD = """<sdf version="1.9"><world name="w">
+  <model name="table"><static>1</static><link name="link"><collision name="top">
+    <geometry><plane><normal>0 0 1</normal></plane></geometry>
+    <surface><friction><bullet><friction>1</friction></bullet></friction></surface>
+  </collision></link></model>
+  <model name="box"><link name="link">
+    <inertial><mass>0.05</mass><inertia><ixx>3e-5</ixx><iyy>3.2e-5</iyy><izz>3e-5</izz></inertia></inertial>
+    <collision name="hull"><geometry><sphere><radius>0.03</radius></sphere></geometry></collision>
+  </link></model>
+  <model name="lamp"><link name="link"/><link name="arm"/>
+    <joint name="j" type="fixed"><parent>link</parent><child>arm</child></joint></model>
+</world></sdf>
+"""
+
+
+def test_links_of_several_models_may_have_one_name(tmp_path):
+    model, path = model_of("mujoco", BODIES["square"], TRUE), tmp_path / "world.sdf"
+    path.write_text(WORLD)
+    made = patched(model, "sdf", path, "box::link", surface="table::link")
+    assert sum(line.endswith("mu_dynamic: none -> 0.2") for line in made.held) == 2
+    assert not any("arm" in line for line in made.left_out)  # it is fixed to the link of another model
+    assert "<bullet> in line 4: Drake does not read it; it stays as it is" in "\n".join(made.left_out)
+    with pytest.raises(UserError, match="3 links named 'link'; name the model, too: table::link, box::link, lamp"):
+        patched(model, "sdf", path, "link")
+    with pytest.raises(UserError, match=r"no link named 'crate::link'.*it has box::link, lamp::arm"):
+        patched(model, "sdf", path, "crate::link")
+
+
+GAZEBO = """<robot name="lab"><link name="block">
+  <inertial><mass value="0.05"/><inertia ixx="3e-5" iyy="3e-5" izz="3e-5" ixy="0" ixz="0" iyz="0"/></inertial>
+  <contact><lateral_friction value="1"/></contact>
+  <collision><geometry><sphere radius="0.03"/></geometry></collision>
+</link><gazebo reference="block"><mu1>1</mu1></gazebo><gazebo reference="other"><mu1>1</mu1></gazebo></robot>
+"""
+
+
+def test_what_drake_does_not_read_of_a_urdf_file_is_said(tmp_path):
+    model, path = model_of("mujoco", BODIES["square"], TRUE), tmp_path / "block.urdf"
+    path.write_text(GAZEBO)
+    said = [line.split(":")[0] for line in patched(model, "urdf", path, "block").left_out if "not read" in line]
+    assert said == ["<gazebo> in line 5", "<contact> in line 3"]
+    path.write_text(GAZEBO.replace("<geometry>", "<drake:proximity_properties/><geometry>"))
+    with pytest.raises(UserError, match=r'drake on .* not defined in line 4; .*<robot xmlns:drake="http://drake\.'):
+        patched(model, "urdf", path, "block")

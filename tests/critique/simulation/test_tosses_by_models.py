@@ -2,6 +2,7 @@
 
 import json
 import re
+from dataclasses import replace
 
 import numpy as np
 import pandas as pd
@@ -17,9 +18,11 @@ from thesis_lib.critique.simulation.tosses import reported, toss
 from thesis_lib.datasets.format.table_forms import POSE_IN_SPACE
 from thesis_lib.datasets.format.write import write_dataset
 from thesis_lib.datasets.read import read_dataset
+from thesis_lib.effects.whole_tosses import WholeTosses
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.mechanics.space import SPACE, multiplied, of_rotation_vector, rotated
 from thesis_lib.mechanics.state import State
+from thesis_lib.simulate.rig.causes_in_space import filmed
 from thesis_lib.simulate.tosses.world import TossedWorld, released
 
 G = 9.81
@@ -139,6 +142,27 @@ def test_the_camera_scales_turns_from_the_first_frame_on():
     np.testing.assert_allclose(SPACE.turn_between(seen.attitude[:, :1], seen.attitude[:, -1:])[2], 1.1 * 2.4, rtol=1e-9)
 
 
+@pytest.mark.parametrize(
+    "hidden",
+    [
+        {"mirrored_rotation.mirrored_axis": 2.0},
+        {"misread_rotation.reading": 1.0},
+        {"camera_pose.b_x": 0.3, "camera_pose.b_y": 0.1, "camera_pose.b_z": 0.0},
+    ],
+)
+def test_scaled_turns_are_scaled_back_in_the_axes_in_which_they_are_reported(hidden):
+    """A model reports what the hidden causes do, and recovers the true attitudes from the reported ones."""
+    model = space_model(shape=BOX, **hidden, **{"rotation_scale.s_R": 0.1})
+    out = toss(model.dynamics, state((0.0, 0.0, 2.0), spin=(4.0, -3.0, 6.0)), every(0.4, 500.0, 1))
+    seen = reported(model.dynamics, out)
+    if "misread_rotation.reading" not in hidden:  # the camera scales the turns of the correct quaternions
+        expected = filmed(out.true, model.rig, hidden | {"rotation_scale.s_R": 0.1})
+        assert SPACE.turn_between(expected.attitude, seen.attitude) == pytest.approx(0.0, abs=1e-9)
+    recorded = WholeTosses.of(seen, np.zeros(0), np.zeros(0))
+    true = model.dynamics.on(replace(model.dynamics.rig, recorded=recorded)).to_true(seen)
+    assert SPACE.turn_between(out.true.attitude, true.attitude) == pytest.approx(0.0, abs=1e-9)
+
+
 def test_simulate_writes_what_the_camera_reports_of_given_states(tmp_path, capsys):
     rig = {"tracked": {"position": (0.02, 0.01, 0.03), "quaternion": (0.8, 0.6, 0.0, 0.0)}}
     model = space_model(rig=rig, **{"length_scale.s_L": 0.02})
@@ -206,6 +230,18 @@ def test_a_toss_in_the_file_is_that_of_the_model(file):
         assert 10 < hit < len(times) - FEW and abs(there - hit) <= 1
         assert place[: hit - 1, i].max() < CLOSE[0] and turn[: hit - 1, i].max() < CLOSE[1]
         assert place[hit : hit + FEW, i].max() < CLOSE[2]
+
+
+def test_a_timestep_that_is_too_coarse_for_the_contact_of_a_file_is_said(file):
+    """MuJoCo's defaults are fine enough; an exported contact of 2.5 ms needs a twentieth of that."""
+    model = space_model(**MODEL)
+    path = file(model)
+    assert not TossesInFile(path, "body", model).coarse
+    text = path.read_text().replace(COARSE, 'timestep="1e-3"')
+    path.write_text(text)
+    assert re.search(r"lasts 0\.0025 s: .* needs 0\.00013 s or less", TossesInFile(path, "body", model).coarse)
+    path.write_text(re.sub('solref="[^"]+" solimp="[^"]+"', "", text.replace("1e-3", "2e-3")))
+    assert not TossesInFile(path, "body", model).coarse
 
 
 @pytest.mark.slow  # 15 s

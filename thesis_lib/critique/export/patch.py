@@ -10,7 +10,7 @@ Document types are refused: the entities that they declare could expand to gigab
 engine's file needs them.  Files that the user's file refers to are not opened.
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -73,10 +73,12 @@ class Patch:
         try:
             self.root = etree.fromstring(content, etree.XMLParser(resolve_entities=False, no_network=True))
         except etree.XMLSyntaxError as error:
-            reason = error.msg.split(", line")[0]
-            raise UserError(
-                f"{path} is not XML: {reason} in line {error.lineno}; check it, or name the file of your model."
-            ) from error
+            reason, remedy = error.msg.split(", line")[0], "check it, or name the file of your model"
+            if reason.startswith("Namespace prefix drake "):
+                remedy = (
+                    'write <robot xmlns:drake="http://drake.mit.edu"> or <sdf xmlns:drake="drake.mit.edu"> at its top'
+                )
+            raise UserError(f"{path} is not XML: {reason} in line {error.lineno}; {remedy}.") from error
         if self.root.getroottree().docinfo.doctype:
             raise UserError(f"{path} has a document type (<!DOCTYPE ...>); remove it: no model needs it.")
         try:
@@ -91,11 +93,17 @@ class Patch:
     def where(self, element: Element) -> str:
         return f"{self.path}, line {element.sourceline}"
 
-    def named(self, elements: Iterable[Element], name: str, what: str) -> Element:
-        """Return the element of this name; the UserError for an unknown name lists the known names."""
+    def named(
+        self,
+        elements: Iterable[Element],
+        name: str,
+        what: str,
+        called: Callable[[Element], str] = lambda one: one.get("name", ""),
+    ) -> Element:
+        """Return the element that is `called` so; the UserError for an unknown name lists the known names."""
         by_name: dict[str, list[Element]] = {}
         for one in elements:
-            by_name.setdefault(one.get("name", ""), []).append(one)
+            by_name.setdefault(called(one), []).append(one)
         found, names = by_name.get(name, []), sorted(filter(None, by_name))
         if len(found) > 1:
             lines = f"lines {', '.join(str(one.sourceline) for one in found)}"

@@ -38,7 +38,8 @@ def patch(
     # each collision touches in one point
     places = [_pose(file, one, target)[0] for one in collisions]
     made = drake_files.numbers(solid, points or (1 if file.plane.across is None else file.sharing(places)))
-    others = _link(file, surface, target).findall("collision") if surface else []
+    touched = [link, *([_link(file, surface, target)] if surface else [])]
+    others = [collision for one in touched[1:] for collision in one.findall("collision")]
     if surface and not others:
         raise UserError(f"{file.path}: the link of the surface, {surface!r}, has no collision.")
     for collision in (*collisions, *others):
@@ -47,25 +48,45 @@ def patch(
         file.left.append(
             "contact of the surface: Drake combines the numbers of both; name its link (--surface), or give it the same"
         )
-    for other in _fixed(file, name, target):
+    file.left += [said for one in touched for said in _of_others(file, one)]
+    for other in _fixed(file, link, target):
         file.left.append(
             f"link {other}: fixed to this one, so its mass and inertia add to those here; it stays as it is"
         )
     file.left += not_patched(solid)
 
 
-def _fixed(file: Patch, name: str, target: str) -> list[str]:
+def _fixed(file: Patch, link: Element, target: str) -> list[str]:
     """Return the names of the links that fixed joints connect with a link, also through each other."""
     pairs = []
     for joint in file.root.iter("joint"):
         ends = [one for tag in ("parent", "child") if (one := joint.find(tag)) is not None]
         names = [(end.get("link") if target == "urdf" else end.text) or "" for end in ends]
         if joint.get("type") == "fixed" and len(names) == 2:
-            pairs.append({one.split("::")[-1].strip() for one in names})
-    found = [name]
+            pairs.append({_scoped(joint, one.strip()) for one in names if one.strip() != "world"})
+    found = [_scoped(link, link.get("name", ""))]
     for one in found:
-        found += sorted({other for pair in pairs if one in pair for other in pair} - {*found, "world"})
-    return found[1:]
+        found += sorted({other for pair in pairs if one in pair for other in pair} - {*found})
+    return [other.removeprefix(_scoped(link, "")) for other in found[1:]]
+
+
+def _scoped(element: Element, name: str) -> str:
+    """Return a name in the scope of an element, with the models that contain it: robot::arm::name."""
+    return "::".join([*reversed([one.get("name", "") for one in element.iterancestors("model")]), name])
+
+
+def _of_others(file: Patch, link: Element) -> list[str]:
+    """Return lines on contact parameters of a link that only other simulators read."""
+    name = link.get("name", "")
+    found = [one for one in file.root.findall("gazebo") if one.get("reference") == name and len(one)]
+    found += link.findall("contact")
+    for surface in link.findall("collision/surface"):
+        found += [one for one in surface.findall("friction/*") if one.tag != "ode"]
+        found += [one for one in surface if one.tag in ("bounce", "contact")]
+    return [
+        f"<{one.tag}> in line {one.sourceline}: Drake does not read it; it stays as it is, for simulators that do"
+        for one in found
+    ]
 
 
 def _value(target: str) -> str:
@@ -75,8 +96,13 @@ def _value(target: str) -> str:
 def _link(file: Patch, name: str, target: str) -> Element:
     if file.root.tag != ROOTS[target]:
         raise UserError(f"{file.path} is not in {target.upper()} format: it begins with <{file.root.tag}>.")
+    at = -name.count("::") - 1  # in SDF the models that contain it may precede the name
+    full = {link: _scoped(link, link.get("name", "")) for link in file.root.iter("link")}
+    same = [one for one in full.values() if "::".join(one.split("::")[at:]) == name]
+    if len(set(same)) > 1:
+        raise UserError(f"{file.path} has {len(same)} links named {name!r}; name the model, too: {', '.join(same)}.")
     try:
-        return file.named(file.root.iter("link"), name, "link")
+        return file.named(full, name, "link", lambda link: "::".join(full[link].split("::")[at:]))
     except UserError as error:
         if file.root.find(".//include") is not None:
             raise UserError(f"{error} It includes other files; name the file that contains the link.") from error

@@ -18,10 +18,12 @@ from thesis_lib.critique.contacts.kinds import ByImpulse
 from thesis_lib.critique.results.saved_in_space import SavedSpaceModel
 from thesis_lib.critique.simulation.law_drops import REST
 from thesis_lib.critique.simulation.tosses import Tosses
+from thesis_lib.engines.parameters import MujocoNumbers, of_mujoco
 from thesis_lib.foundation.errors import UserError, first_line
 from thesis_lib.mechanics.frame import Frame, on_body
 from thesis_lib.mechanics.space import SPACE
 from thesis_lib.mechanics.state import State
+from thesis_lib.simulate.mujoco.contact import COARSEST
 
 STRAIGHT = np.array([1.0, 0.0, 0.0, 0.0])
 
@@ -58,6 +60,18 @@ class TossesInFile:
         table = Frame.of_surface(data.geom_xpos[planes[0]].copy(), data.geom_xmat[planes[0]].reshape(3, 3)[:, 2])
         believed = np.array([[0.0], [0.0], [model.values.get("surface_height.h", 0.0)]])
         self.surface = replace(table, origin=table.origin - table.vectors_out(believed)[:, 0])
+        touching = (self.engine.geom_contype != 0) | (self.engine.geom_conaffinity != 0)
+        geoms = np.flatnonzero(touching & (self.engine.body_rootid[self.engine.geom_bodyid] == number))
+        self.contact_time = min((self._contact_time(int(geom), int(planes[0])) for geom in geoms), default=np.inf)
+
+    @property
+    def coarse(self) -> str:
+        """Warning of a timestep that is too coarse for the contact; "" if it is fine enough."""
+        step, finest = self.engine.opt.timestep, self.contact_time / COARSEST
+        if round(self.contact_time / step) >= COARSEST:
+            return ""
+        said = f"timestep {step:.3g} s is coarse for its contact, which lasts {self.contact_time:.2g} s"
+        return f"{self.path}: {said}: hits may gain energy. It needs {finest:.2g} s or less."
 
     def toss(self, dynamics: ByImpulse, start: State, times: np.ndarray) -> Tosses:
         """Simulate tosses as `tosses.toss` does; UserError if the simulation becomes unstable."""
@@ -85,6 +99,17 @@ class TossesInFile:
         moved = State(pose, motion, np.tile(start.trial, k), np.tile(start.t, k) + times.ravel(), None, SPACE)
         true = on_body(self.surface.seen(moved), centre, STRAIGHT)
         return Tosses(true, hits.cumsum(axis=0), np.zeros(n, bool))
+
+    def _contact_time(self, geom: int, plane: int) -> float:
+        """Return T in s of a central contact of a geom with the plane, in one point."""
+        both = [geom, plane]
+        first, second = self.engine.geom_priority[both]
+        if first != second:
+            both = [geom if first > second else plane]
+        weight = self.engine.geom_solmix[both] / self.engine.geom_solmix[both].sum()
+        solref, solimp = self.engine.geom_solref[both], weight @ self.engine.geom_solimp[both]
+        mixed = weight @ solref if (solref > 0.0).all() else solref.min(axis=0)
+        return of_mujoco(MujocoNumbers(tuple(mixed), tuple(solimp), 1.0, 1.0))[2]
 
     def _momentum(self, data: mujoco.MjData) -> np.ndarray:
         """Return the velocity (3,) in m/s of the centre of mass."""

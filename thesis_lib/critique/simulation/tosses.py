@@ -56,7 +56,8 @@ def reported(dynamics: Dynamics, tosses: Tosses) -> State:
     true, n = tosses.true, tosses.hits.shape[1]
     if "rotation_scale.s_R" in dynamics.values:
         by_toss = np.arange(len(true)).reshape(-1, n).T.ravel()
-        frames = WholeTosses.of(true.select(by_toss), np.zeros(0), np.zeros(0))
+        even = dynamics.with_active([(e, p) for e, p in dynamics.active if e.name != "rotation_scale"])
+        frames = WholeTosses.of(even.to_measured(true.select(by_toss)), np.zeros(0), np.zeros(0))
         summed = replace(frames, turn=(1.0 + dynamics.values["rotation_scale.s_R"]) * frames.turn)
         dynamics = dynamics.on(replace(dynamics.rig, recorded=summed))
     return dynamics.to_measured(true)
