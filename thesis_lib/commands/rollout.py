@@ -203,7 +203,7 @@ def also_held_out(trials: "Sequence[int]", path: str, datasets: set[str], other:
         where = (
             f"was fitted to {other.dataset or 'unnamed data'}"
             if other.dataset not in datasets
-            else f"lies where no {ERRORS} is"
+            else f"has no {ERRORS} beside it"
         )
         print(f"warning: {path} {where}: it may have been fitted to some of these tosses, too", file=sys.stderr)
         return trials

@@ -101,7 +101,7 @@ def _checked(name: str, header: Any, raw: Mapping, load: Load, report: Validatio
     """Dataset from a header (of either schema; None if invalid) and the tables that `load` returns by name and form."""
     schema, turns_unseen = schema_of(raw), is_round(raw)
     forms = [trajectory_form(schema, turns_unseen), impact_form(schema, turns_unseen)]
-    if not states_schema(raw):  # the columns then tell the schema
+    if not states_schema(raw):  # the columns then show the schema
         forms = [replace(form(1, True), instead=form(2, True)) for form in (trajectory_form, impact_form)]
     trajectories = load("trajectories", forms[0])
     if trajectories is not None and not states_schema(raw):

@@ -153,7 +153,7 @@ def test_another_model_is_judged_on_tosses_that_both_held_out(simulated, tmp_pat
     """The other one does not look better because it was fitted to tosses that only the first held out."""
     model, other = simulated[0], tmp_path / "model.json"
     assert also_held_out([1, 2, 3], str(other), {"none"}, model) == [1, 2, 3]
-    assert f"{other} lies where no errors.csv is: it may have been fitted" in capsys.readouterr().err
+    assert f"{other} has no errors.csv beside it: it may have been fitted" in capsys.readouterr().err
     pd.DataFrame({"trial": [1, 1, 2, 3], "held_out": [0, 0, 1, 1]}).to_csv(tmp_path / "errors.csv")
     assert also_held_out([1, 2], str(other), {"none"}, model) == [2] and not capsys.readouterr().err
     with pytest.raises(UserError, match="No toss was held out by the critiques of both models"):

@@ -23,7 +23,7 @@ class TableForm:
     foreign: frozenset[str] = frozenset()  # columns of the other schema
     what: str = ""  # fault and remedy for these
     remedy: str = ""
-    instead: "TableForm | None" = None  # form of a table with columns of the other schema, if that is no fault
+    instead: "TableForm | None" = None  # form of a table with columns of the other schema, where that is right, too
 
 
 _OF_SPACE = frozenset(
